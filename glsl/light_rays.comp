@@ -15,7 +15,7 @@
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 4) const uint SAMPLES = 0; // further points of a pixel; 0: its centre alone
-layout(constant_id = 5) const uint STEPS = 0; // subpixel positions of the rasterizer, if coarse; else 0
+layout(constant_id = 5) const uint STEPS = 0; // vertex positions along a pixel's side; 0: exact
 layout(push_constant, scalar) uniform Push { LightRaysPush push; };
 layout(binding = 12, scalar) readonly buffer Lights { Light lights[]; };
 layout(binding = 13) uniform sampler2D depth_image;
@@ -101,7 +101,7 @@ bool trace_from(ivec2 pixel, float width) {
     float d2 = dot(to, to);
     float footprint = max(distance(position, place(middle + vec2(step_.x, 0.0), max(depth, 1e-30))), 1e-30);
     float lift = lift_at(position, push.eye.w > 0.0 ? distance(push.eye.xyz, position) : 0.0);
-    // Coarse rasterization displaces positions from the surface by as much as vertices are moved.
+    // The rasterizer displaces positions from the surface by as much as it moves vertices.
     lift += STEPS > 0u ? footprint / float(STEPS) : 0.0;
     Arriving found = Arriving(vec2(0.0), vec2(0.0), -1.0);
     if (depth <= 0.0 || !shines_at(light, to, n, geometric, lift)) {

@@ -2,7 +2,7 @@
 
 use crate::cli::{fails, folder, left};
 use crate::common::frames::{SPOT, baked, corner, small};
-use crate::common::{assert_clean, gpu};
+use crate::common::{assert_clean, gpu, rounding};
 use glam::{DVec3, Vec3};
 use lightskin::frame::{View, Ways};
 use lightskin::lab::bench::contexts::{FLOP_PER_PAIR, light_and_caches};
@@ -143,6 +143,7 @@ fn native_sums_are_the_references() {
 
 #[test]
 fn native_sums_make_the_devices_proxies() {
+    let bound = 1e-4 * rounding(&gpu());
     let all = odd_corner(40.0);
     let sums = native::gather(&all.vals, &all.caches, all.eye, true);
     let (mut compared, mut worst) = ([0; 2], 0.0_f64);
@@ -153,7 +154,10 @@ fn native_sums_make_the_devices_proxies() {
             let direction = mean.normalize();
             let moved = (position.as_dvec3() - at.position).distance(mean) / mean.length();
             let brighter = (facing.as_dvec3() * at.normal.dot(direction)).distance(irradiance) / irradiance.length();
-            assert!(moved.max(brighter) < 1e-4, "lobe {lobe}: moved {moved:e}, relative irradiance error {brighter:e}");
+            assert!(
+                moved.max(brighter) < bound,
+                "lobe {lobe}: moved {moved:e}, relative irradiance error {brighter:e}"
+            );
             compared[lobe] += 1;
             worst = worst.max(moved).max(brighter);
         };

@@ -7,6 +7,7 @@ use lightskin::frame::gather_draws::Draws;
 use lightskin::frame::proxies::Proxies;
 use lightskin::frame::vals::Vals;
 use lightskin::frame::{DrawSource, ProxyWeight, View, Ways, World, tune};
+use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::lab::shot;
 use lightskin::reference::gather::{self, Lobe, luminance, val_geometry};
@@ -18,7 +19,7 @@ use lightskin::shared;
 use rayon::prelude::*;
 
 use crate::common::frames::{SPOT, Shot, baked, corner, shoot, small, triangles};
-use crate::common::{assert_clean, gpu};
+use crate::common::{assert_clean, gpu, rounding};
 
 /// Both weights, as the frame's and as the reference's type.
 pub(crate) const WEIGHTS: [(ProxyWeight, gather::ProxyWeight); 2] = [
@@ -52,21 +53,26 @@ fn vals_of_every_kind_of_light_are_the_references() {
         let mut elsewhere = 0;
         for (val, twin) in shot.vals.iter().zip(&expected) {
             // A texel's centre on the edge of a triangle may hit a surface behind the triangle.
-            if val.position.distance(twin.position) > 1e-4 {
+            let moved = val.position.distance(twin.position);
+            if moved > shot.most_moved(twin) {
                 elsewhere += 1;
                 continue;
             }
-            assert!((val.area - twin.area).abs() <= 1e-5 * twin.area, "{kind:?}: {val:?} instead of {twin:?}");
-            assert!(val.normal.distance(twin.normal) < 1e-5, "{kind:?}: {val:?} instead of {twin:?}");
+            // A ball's normals turn as the place moves.
+            let bound = (1e-5 + 20.0 * moved) * twin.area;
+            assert!((val.area - twin.area).abs() <= bound, "{kind:?}: {val:?} instead of {twin:?}");
+            let bound = 1e-5 + 4.0 * moved;
+            assert!(val.normal.distance(twin.normal) < bound, "{kind:?}: {val:?} instead of {twin:?}");
             // Mesa's arc tangent has an error of 2.1e-5. A sharp cone's ramp is 0.001 wide, so one of the 16
             // sub-samples of a VAL on the cone's edge may differ by its rounding of 1e-4.
-            let bound = 4e-5 * twin.flux.length() + 1e-5 * brightest;
+            let bound = (4e-5 + 4.0 * moved) * twin.flux.length() + (1e-5 + 10.0 * moved) * brightest;
             assert!(val.flux.distance(twin.flux) <= bound, "{kind:?}: {val:?} instead of {twin:?}");
         }
         let (sum, twins) = (flux(&shot.vals), flux(&expected));
         eprintln!("{kind:?}: {elsewhere} of {} elsewhere, {sum} lm instead of {twins}", expected.len());
         assert!(elsewhere * 200 <= expected.len(), "{kind:?}: {elsewhere} of {} texels elsewhere", expected.len());
-        assert!(sum.distance(twins) < 1e-4 * twins.length(), "{kind:?}: {sum} lm instead of {twins}");
+        let bound = if shot.subpixels.is_some() { 5e-4 } else { 1e-4 };
+        assert!(sum.distance(twins) < bound * twins.length(), "{kind:?}: {sum} lm instead of {twins}");
         assert!(shot.vals.iter().any(|val| val.flux != DVec3::ZERO));
     }
 }
@@ -120,20 +126,20 @@ fn assert_lobe(actual: &Lobe, twin: &Lobe, from: DVec3, bound: f64, what: &str) 
 
 /// Compares every cache with the reference, which uses the device's own VALs.
 #[track_caller]
-fn assert_gathered(scene: &Scene, shot: &Shot, weight: gather::ProxyWeight) -> [f64; 2] {
+fn assert_gathered(gpu: &Gpu, scene: &Scene, shot: &Shot, weight: gather::ProxyWeight) -> [f64; 2] {
     let eye = scene.cameras[0].world_from_camera.translation;
     let mut worst = [0.0_f64; 2];
     for (cache, proxies) in shot.caches.iter().zip(&shot.proxies) {
         let twin = gather::gather(cache, &shot.vals, Some(eye), weight);
         worst[0] = worst[0].max(assert_lobe(&proxies.diffuse, &twin.diffuse, cache.position, 1e-5, "diffuse"));
         // cos^k underflows in f32 before it does in f64. Below 1e-25 lm/m^2 the device may say unlit, and below 1e-30
-        // it limits the quotient by another branch. Both cases are dark.
+        // it limits the quotient by another branch. Both cases are dark. Far from its axis a lobe multiplies errors.
         let lobe = Material { diffuse: DVec3::ZERO, specular: DVec3::ONE, exponent: cache.exponent };
         let mirrored = mirrored_view(cache.position, cache.normal, eye);
         let reaches = brute_force::radiance(cache.position, cache.normal, mirrored, &lobe, &shot.vals).1;
-        if luminance(reaches) > 1e-25 {
+        if luminance(reaches) > if rounding(gpu) > 1.0 { 1e-10 } else { 1e-25 } {
             // The error of the device's cosine power grows with the exponent.
-            let bound = 2e-5 + 1e-6 * cache.exponent;
+            let bound = (2e-5 + 1e-6 * cache.exponent) * rounding(gpu);
             worst[1] = worst[1].max(assert_lobe(&proxies.glossy, &twin.glossy, cache.position, bound, "glossy"));
         } else {
             assert!(proxies.glossy.position.is_finite() && proxies.glossy.facing_irradiance.is_finite());
@@ -150,7 +156,7 @@ fn proxies_of_every_cache_are_the_references() {
         let caches = baked(&scene, 0.5, 8);
         for (weight, twin) in WEIGHTS {
             let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { proxy_weight: weight, ..small() });
-            let [diffuse, glossy] = assert_gathered(&scene, &shot, twin);
+            let [diffuse, glossy] = assert_gathered(&gpu, &scene, &shot, twin);
             eprintln!(
                 "k {exponent}, {twin:?}: {} caches, largest errors: diffuse {diffuse:e}, glossy {glossy:e}",
                 shot.caches.len()
@@ -167,7 +173,11 @@ fn more_caches_than_a_row_of_the_atlas_holds_are_all_lit() {
     let scene = corner(&[SPOT], 40.0);
     let shot = shoot(&gpu, &scene, Some(&baked(&scene, 0.15, 8)), &small());
     assert!(shot.caches.len() > 3 * 128, "{} caches", shot.caches.len());
-    eprintln!("{} caches: {:?}", shot.caches.len(), assert_gathered(&scene, &shot, gather::ProxyWeight::Irradiance));
+    eprintln!(
+        "{} caches: {:?}",
+        shot.caches.len(),
+        assert_gathered(&gpu, &scene, &shot, gather::ProxyWeight::Irradiance)
+    );
 }
 
 #[test]
@@ -179,7 +189,7 @@ fn scenes_far_from_the_origin_are_drawn_around_their_own() {
     scene.lights[0].position += shift;
     scene.cameras[0].world_from_camera.translation += shift;
     let shot = shoot(&gpu, &scene, Some(&baked(&scene, 0.5, 8)), &small());
-    assert_gathered(&scene, &shot, gather::ProxyWeight::Irradiance);
+    assert_gathered(&gpu, &scene, &shot, gather::ProxyWeight::Irradiance);
     let expected = flux(&cast(&scene, &shot));
     assert!(flux(&shot.vals).distance(expected) < 1e-3 * expected.length());
 }

@@ -254,8 +254,8 @@ fn images_that_no_device_has_are_refused_by_name() {
     assert!(deep.contains("4x4x1048576 texels"), "{deep}");
     let many = of(Format::R32_SFLOAT, [4, 4], Extent::Layers(1 << 20), false);
     assert!(many.contains("1048576 layers"), "{many}");
-    let wrong = of(Format::D32_SFLOAT, [4, 4], Extent::Plane, true);
-    assert!(wrong.contains("D32_SFLOAT for"), "{wrong}");
+    let wrong = of(Format::R8G8B8A8_SRGB, [4, 4], Extent::Plane, true);
+    assert!(wrong.contains("R8G8B8A8_SRGB for"), "{wrong}");
     assert_clean(&gpu);
 }
 

@@ -129,8 +129,9 @@ fn interpolated(
             light.diffuse_irradiance /= light.diffuse_position.distance_squared(s.position);
             light.glossy_irradiance /= light.glossy_position.distance_squared(s.position);
         }
-        let mirrored = mirrored_view(s.position, s.normal, eye);
-        let shaded = shade(&light, s.position, s.normal, mirrored, &material(&s, scene, shot));
+        let normal = shot.normals[s.pixel];
+        let mirrored = mirrored_view(s.position, normal, eye);
+        let shaded = shade(&light, s.position, normal, mirrored, &material(&s, scene, shot));
         twins[0].push((s.pixel, shaded.0));
         twins[1].push((s.pixel, shaded.1));
     }
@@ -205,9 +206,10 @@ fn brute_force_pictures_are_the_references() {
         let eye = scene.cameras[0].world_from_camera.translation;
         let (mut diffuse, mut glossy) = (Vec::new(), Vec::new());
         for s in seen(&scene, settings.size) {
-            let mirrored = mirrored_view(s.position, s.normal, eye);
+            let (position, normal) = (shot.positions[s.pixel], shot.normals[s.pixel]);
+            let mirrored = mirrored_view(position, normal, eye);
             let material = material(&s, &scene, &shot);
-            let twin = brute_force::radiance(s.position, s.normal, mirrored, &material, &shot.vals);
+            let twin = brute_force::radiance(position, normal, mirrored, &material, &shot.vals);
             diffuse.push((s.pixel, twin.0));
             glossy.push((s.pixel, twin.1));
         }

@@ -195,7 +195,7 @@ fn what_is_asked_for_again_is_the_same_pipeline() {
         assert_eq!(made(&gpu), 5);
     }
     if let Some(threads) = gpu.voting_threads() {
-        gpu.compute_in_subgroups("vals.comp", &[0], threads).expect("pipeline");
+        gpu.compute_in_subgroups("follow.comp", &[], threads).expect("pipeline");
         assert_eq!(made(&gpu), 6);
     }
     let before = made(&gpu);

@@ -256,7 +256,7 @@ fn what_stands_nearby_is_nearer_to_paths() {
     let [off, on] = [Near::Off, RAYS]
         .map(|near_is| against(&scene, &caches, &Knobs { near: near_is, ..near([128, 72]) }, &truth).relmse_trimmed);
     println!("relMSE without the worst 1 %: {off:.4} with caches alone, {on:.4} with rays");
-    assert!(on < 0.8 * off, "relMSE {on} with rays, {off} without");
+    assert!(on < 0.85 * off, "relMSE {on} with rays, {off} without");
 }
 
 #[test]

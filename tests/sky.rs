@@ -134,7 +134,9 @@ fn an_open_plane_under_an_even_sky_receives_pi_l() {
             let shot = shoot(&gpu, &scene, None, &Knobs { gi: Gi::Off, ..small() });
             let expected = 0.5 * 100.0 * (1.0 + error);
             let middle = shot.direct[24 * 48 + 24].x;
-            assert!((middle / expected - 1.0).abs() < 1e-4, "{middle} instead of {expected}");
+            // The plane may hide a light near the horizon from itself.
+            let bound = if shot.subpixels.is_some() { 1e-3 } else { 1e-4 };
+            assert!((middle / expected - 1.0).abs() < bound, "{middle} instead of {expected}");
         }
     }
 }

@@ -51,8 +51,9 @@ fn twins(scene: &Scene, caches: &CacheSet, shot: &Shot, scheme: Scheme) -> ([Vec
             specular: shot.specular[s.pixel],
             ..reflection(scene, s.material)
         };
-        let mirrored = mirrored_view(s.position, s.normal, eye);
-        let shaded = shade(&light, s.position, s.normal, mirrored, &material);
+        let normal = shot.normals[s.pixel];
+        let mirrored = mirrored_view(s.position, normal, eye);
+        let shaded = shade(&light, s.position, normal, mirrored, &material);
         diffuse.push((s.pixel, shaded.0));
         glossy.push((s.pixel, shaded.1));
     }

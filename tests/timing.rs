@@ -101,7 +101,7 @@ fn many_frames_without_waiting_have_as_many_times() {
         all.extend(gpu.finished_times().expect("times"));
         assert_eq!(all.len(), 60);
         for times in &all {
-            assert_sound(times, split);
+            assert_sound(times, split && gpu.is_software());
             assert!(
                 times.gpu_ms().is_some() && times.gpu_span_ms() >= times.gpu_ms().map(|ms| ms * 0.999),
                 "{times:?}"
@@ -138,7 +138,7 @@ fn a_queue_without_timestamps_gives_cpu_times() {
     for split in [false, true] {
         let frame = draw(&gpu, split);
         let times = gpu.times(&frame).expect("times");
-        assert_sound(&times, split);
+        assert_sound(&times, split && gpu.is_software());
         assert!(times.zones.iter().all(|z| z.gpu.is_none()) && times.first_stamp_ms.is_none());
         assert_eq!((times.gpu_ms(), times.gpu_span_ms()), (None, None));
         assert_eq!(times.way(), "no GPU times: the queue has no timestamps");

@@ -31,7 +31,8 @@ float coded_roughness(float coded) {
 }
 
 float coded_f90(float coded) {
-    return 1.0 - floor(-coded) / 255.0;
+    // Devices may round 255 / 255 to more than 1. A negative reflectance would make light negative.
+    return max(1.0 - floor(-coded) / 255.0, 0.0);
 }
 
 // Fit by powers of cosine / (cosine + alpha): coefficients of 1, alpha, alpha^2, alpha^3.

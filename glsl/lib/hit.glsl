@@ -40,7 +40,8 @@ int wrapped(int i, int size, uint how) {
     }
     int period = how == 1u ? 2 * size : size;
     i -= period * int(floor(float(i) / float(period)));
-    i = clamp(i, 0, period - 1);
+    // Devices may round the quotient to the wrong side of a whole number.
+    i += i < 0 ? period : i >= period ? -period : 0;
     return i >= size ? 2 * size - 1 - i : i;
 }
 

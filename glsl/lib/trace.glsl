@@ -82,7 +82,7 @@ uint children_met(uint at, Path path, float from, float to, out uvec2 first, out
     vec3 step_ = size * path.inverse;
     vec3 start = (uintBitsToFloat(place.xyz) - path.origin) * path.inverse;
     // The position of a plane near the origin is a difference of large numbers: the box grows by their rounding error.
-    vec3 slack = (abs(start) + 255.0 * abs(step_)) * 2.4e-7;
+    vec3 slack = (abs(start) + 255.0 * abs(step_)) * 5e-7;
     vec3 sooner = start - slack;
     vec3 later = start + slack;
     bvec3 negative = lessThan(path.direction, vec3(0.0));
@@ -122,13 +122,15 @@ bool meets(Path path, uint at, float from, float to, uint passed, uint moving, i
     vec4 first = ray_triangle(3u * at);
     vec4 second = ray_triangle(3u * at + 1u);
     vec4 third = ray_triangle(3u * at + 2u);
-    vec3 a = turned(first.xyz - path.origin, path.axis);
-    vec3 b = turned(second.xyz - path.origin, path.axis);
-    vec3 c = turned(third.xyz - path.origin, path.axis);
+    // `precise`: two triangles round a shared edge's test alike. A fused multiply-add rounds only one of the two products,
+    // and rays would pass between the triangles.
+    precise vec3 a = turned(first.xyz - path.origin, path.axis);
+    precise vec3 b = turned(second.xyz - path.origin, path.axis);
+    precise vec3 c = turned(third.xyz - path.origin, path.axis);
     a.xy -= path.shear * a.z;
     b.xy -= path.shear * b.z;
     c.xy -= path.shear * c.z;
-    vec3 edges = vec3(c.x * b.y - c.y * b.x, a.x * c.y - a.y * c.x, b.x * a.y - b.y * a.x);
+    precise vec3 edges = vec3(c.x * b.y - c.y * b.x, a.x * c.y - a.y * c.x, b.x * a.y - b.y * a.x);
     float sum = edges.x + edges.y + edges.z;
     bool inside = min(min(edges.x, edges.y), edges.z) >= 0.0 || max(max(edges.x, edges.y), edges.z) <= 0.0;
     // Distance to the plane: its rounding error scales with the triangle's size. A weighted mean of the corners'

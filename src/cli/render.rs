@@ -132,7 +132,8 @@ pub(super) struct Render {
     /// .jsonl has one object per frame, .csv one row per frame and stage. Repeat the flag to write both.
     #[arg(long, help_heading = MEASURE, hide_short_help = true, value_name = "FILE", value_parser = timings_file)]
     timings: Vec<PathBuf>,
-    /// Write a CPU and GPU timeline as a Chrome trace, for ui.perfetto.dev.
+    /// Write a CPU and GPU timeline as a Chrome trace, for ui.perfetto.dev: every stage and, on
+    /// GPUs, every compute shader.
     #[arg(long, help_heading = MEASURE, hide_short_help = true, value_name = "FILE.json", value_parser = trace_file)]
     trace: Option<PathBuf>,
     /// Bake again, even if a matching bake is stored.
@@ -427,6 +428,9 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
     let settings = args.settings(&gpu, count, motion.reuse)?;
     if args.shadows.is_none() && args.shadows(count) < args.shadows(0) {
         log::info!("{count} caches: --shadows {} by default", ShadowsArg::of(args.shadows(count)));
+    }
+    if args.trace.is_some() {
+        gpu.time_shaders();
     }
     trace.lap("open device");
     let mut world = World::new(&gpu, &scene, baked.as_ref().map(|b| &b.caches))?;

@@ -40,7 +40,7 @@ impl LightRays {
         let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
         let [stack, levels, texels, holes] = rays.constants(gpu);
         let samples = plan.antialiasing.samples();
-        let constants = [stack, levels, texels, holes, samples, gpu.coarse_subpixels().unwrap_or(0)];
+        let constants = [stack, levels, texels, holes, samples, gpu.subpixels().unwrap_or(0)];
         Ok(Self {
             tiles: gpu.compute("light_tiles.comp", &[])?,
             first: gpu.compute("light_first.comp", &constants)?,

@@ -155,6 +155,10 @@ impl<'g> Cmd<'g> {
 
     /// Opens a stage: debug label, timestamps, and the stage's name in the barrier check.
     pub fn zone(&self, name: &'static str) -> Zone<'_, 'g> {
+        self.open_zone(name, false)
+    }
+
+    fn open_zone(&self, name: &'static str, is_shader: bool) -> Zone<'_, 'g> {
         let split = self.split && self.scope.borrow().is_none();
         if split {
             self.flush();
@@ -164,7 +168,7 @@ impl<'g> Cmd<'g> {
         let timed = !self.failed() && self.gpu.clock.bits != 0 && index < MAX_ZONES as usize;
         let begin_ms = slot.notes.now();
         let depth = slot.notes.depth;
-        slot.notes.zones.push(Recorded { name, depth, timed, cpu: Span { begin_ms, end_ms: begin_ms } });
+        slot.notes.zones.push(Recorded { name, depth, is_shader, timed, cpu: Span { begin_ms, end_ms: begin_ms } });
         slot.notes.depth += 1;
         let query = timed.then_some(2 * index as u32);
         if let Some(query) = query {
@@ -266,6 +270,7 @@ impl<'g> Cmd<'g> {
         let most = self.gpu.shared.limits.max_compute_work_group_count;
         let fits = x <= most[0] && y <= most[1] && z <= most[2];
         assert!(fits, "{}: {x} x {y} x {z} groups, but the device allows {most:?}", bound.name);
+        let _zone = self.shader_zone(&bound);
         // SAFETY: a compute pipeline with all its descriptors is bound, and the groups are no more than allowed.
         unsafe { self.gpu.shared.device.cmd_dispatch(self.buffer, x, y, z) };
     }
@@ -276,12 +281,20 @@ impl<'g> Cmd<'g> {
         if self.failed() {
             return;
         }
-        let name = self.bound_to_compute().name;
+        let bound = self.bound_to_compute();
+        let name = bound.name;
         let inside = offset.is_multiple_of(4) && offset.checked_add(12).is_some_and(|end| end <= arguments.held);
         assert!(inside, "{name}: three numbers at byte {offset} of {}, which has {}", arguments.name, arguments.held);
+        let _zone = self.shader_zone(&bound);
         self.touch_buffer(arguments, Use::IndirectRead);
         // SAFETY: a compute pipeline with all its descriptors is bound; the buffer holds the three numbers.
         unsafe { self.gpu.shared.device.cmd_dispatch_indirect(self.buffer, arguments.handle, offset) };
+    }
+
+    /// A zone for one dispatch, if shaders are timed. Where each zone is submitted separately, what is bound would be
+    /// lost.
+    fn shader_zone(&self, bound: &Bound) -> Option<Zone<'_, 'g>> {
+        (self.gpu.times_shaders.get() && !self.split).then(|| self.open_zone(bound.name, true))
     }
 
     fn bound_to_compute(&self) -> Bound {

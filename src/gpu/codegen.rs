@@ -257,7 +257,8 @@ impl Codegen {
                 match s.format {
                     vk::PipelineExecutableStatisticFormatKHR::BOOL32 => f64::from(s.value.b32),
                     vk::PipelineExecutableStatisticFormatKHR::INT64 => s.value.i64 as f64,
-                    vk::PipelineExecutableStatisticFormatKHR::UINT64 => s.value.u64 as f64,
+                    // NVIDIA's driver writes the lower half only.
+                    vk::PipelineExecutableStatisticFormatKHR::UINT64 => (s.value.u64 & 0xffff_ffff) as f64,
                     _ => s.value.f64,
                 }
             }

@@ -16,7 +16,7 @@ use super::vulkan;
 use crate::error::{Error, Result};
 use ash::{ext, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 use std::ffi::c_char;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -96,6 +96,7 @@ pub struct Gpu {
     pub(crate) ring: Ring,
     pub(super) pipelines: RefCell<Pipelines>,
     pub(super) layouts: RefCell<Layouts>,
+    pub(super) times_shaders: Cell<bool>,
     pub(super) disk: Disk,
     pub(crate) samplers: RefCell<HashMap<super::SamplerKind, vk::Sampler>>,
     pub(crate) queue: vk::Queue,
@@ -307,6 +308,7 @@ impl Gpu {
             ring: Ring::new(&shared)?,
             pipelines: RefCell::default(),
             layouts: RefCell::default(),
+            times_shaders: Cell::new(false),
             disk: Disk::open(&shared, &properties),
             samplers: RefCell::default(),
             queue,
@@ -354,11 +356,17 @@ impl Gpu {
         self
     }
 
-    /// Number of vertex positions along a pixel's side, if the rasteriser has so few (16 on some devices) that drawn
-    /// triangles are visibly off the surface. `None` for 256 or more.
-    pub fn coarse_subpixels(&self) -> Option<u32> {
-        let bits = self.shared.limits.sub_pixel_precision_bits;
-        (bits < 8).then(|| 1 << bits)
+    /// Gives every dispatch its own zone from now on, named after its shader. Not in frames whose zones are submitted
+    /// separately.
+    pub fn time_shaders(&self) {
+        self.times_shaders.set(true);
+    }
+
+    /// Number of positions along a pixel's side to which the rasteriser moves vertices: 16 to 256. Drawn surfaces are
+    /// off their triangles by up to such a step. `None` on llvmpipe, which draws from exact positions.
+    pub fn subpixels(&self) -> Option<u32> {
+        let exact = self.report.name.starts_with("llvmpipe");
+        (!exact).then(|| 1 << self.shared.limits.sub_pixel_precision_bits)
     }
 
     /// Maximum number of texels of a texel buffer: 65 536 on some devices, millions on most.

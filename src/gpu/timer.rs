@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 /// Maximum number of zones per frame that are timed on the device; further zones have CPU times only.
-pub(crate) const MAX_ZONES: u32 = 64;
+pub(crate) const MAX_ZONES: u32 = 192;
 
 /// A time interval \[ms\].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -39,6 +39,8 @@ pub struct ZoneTime {
     pub name: &'static str,
     /// Number of zones around this one.
     pub depth: u32,
+    /// Whether it is a single dispatch of a compute shader within a stage.
+    pub is_shader: bool,
     /// Time on the device, relative to the frame's first timestamp; `None` if the queue has no timestamps.
     pub gpu: Option<Span>,
     /// Time of its recording on the CPU, relative to the start of the frame.
@@ -86,7 +88,7 @@ impl FrameTimes {
     /// Times of the stages in frame order; zones of the same name are summed.
     pub fn stages(&self) -> Vec<StageTime> {
         let mut stages: Vec<StageTime> = Vec::with_capacity(self.zones.len());
-        for zone in &self.zones {
+        for zone in self.zones.iter().filter(|zone| !zone.is_shader) {
             let (gpu_ms, cpu_ms) = (zone.gpu.map(Span::ms), zone.cpu.ms());
             match stages.iter_mut().find(|s| s.name == zone.name) {
                 Some(s) => (s.gpu_ms, s.cpu_ms) = (s.gpu_ms.zip(gpu_ms).map(|(a, b)| a + b), s.cpu_ms + cpu_ms),
@@ -170,6 +172,7 @@ impl Line {
 pub(crate) struct Recorded {
     pub(crate) name: &'static str,
     pub(crate) depth: u32,
+    pub(crate) is_shader: bool,
     pub(crate) timed: bool,
     pub(crate) cpu: Span,
 }
@@ -208,7 +211,7 @@ impl Notes {
                 let begin_ms = clock.ms(first, pair[0]).max(0.0);
                 Span { begin_ms, end_ms: clock.ms(first, pair[1]).max(begin_ms) }
             });
-            ZoneTime { name: zone.name, depth: zone.depth, gpu, cpu: zone.cpu }
+            ZoneTime { name: zone.name, depth: zone.depth, is_shader: zone.is_shader, gpu, cpu: zone.cpu }
         };
         FrameTimes {
             number: self.number,
@@ -237,7 +240,7 @@ mod tests {
     fn frames_lie_on_one_line_across_a_wrap() {
         let clock = Clock { period_ns: 2.0, bits: 36 };
         let mut line = Line::default();
-        let zone = |name, depth| Recorded { name, depth, timed: true, cpu: Span::default() };
+        let zone = |name, depth| Recorded { name, depth, is_shader: false, timed: true, cpu: Span::default() };
         let mut notes = Notes {
             number: 0,
             split: false,

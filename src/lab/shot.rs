@@ -38,6 +38,10 @@ pub struct Shot {
     pub albedo: Vec<DVec3>,
     /// `rho_g`, likewise.
     pub specular: Vec<DVec3>,
+    /// The surface's world position at every pixel, as shading computes it from depth.
+    pub positions: Vec<DVec3>,
+    /// Its shading normal.
+    pub normals: Vec<DVec3>,
     /// Emitted and directly reflected radiance.
     pub direct: Vec<DVec3>,
     /// Indirect radiance of the diffuse lobe; empty without one.
@@ -51,8 +55,18 @@ pub struct Shot {
     pub sums: [Vec<DVec3>; 2],
     /// The lights' views in the references' types.
     pub views: Vec<rsm::View>,
+    /// Steps of the rasteriser's grid along a pixel's side, if it is not exact.
+    pub subpixels: Option<u32>,
     /// Complaints of the validation layer, the barrier check and the check for broken values about the frame.
     pub complaints: Vec<String>,
+}
+
+impl Shot {
+    /// Distance \[m\] by which a VAL may be off the point that a ray through its texel's centre hits: a rasteriser's
+    /// grid moves it by a part of the texel.
+    pub fn most_moved(&self, val: &Val) -> f64 {
+        if self.subpixels.is_some() { 1e-4_f64.max(0.01 * val.area.sqrt()) } else { 1e-4 }
+    }
 }
 
 /// Draws one frame from the scene's first camera and reads it back.
@@ -76,21 +90,32 @@ pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, knobs: &Knobs)
     for found in Check::new(gpu)?.count(gpu, light, picture)?.iter().filter(|found| found.broken > 0) {
         complaints.push(format!("{}: {} of {} values are broken", found.target, found.broken, found.values));
     }
+    let depth: Vec<f32> = gpu.read_image(&surface.depth)?;
+    let world_from_clip = view.world_from_clip.as_dmat4();
+    let [width, height] = knobs.size.map(|side| side as usize);
+    let place = |(pixel, depth): (usize, &f32)| {
+        let at = DVec2::new((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
+        let ndc = at / DVec2::new(width as f64, height as f64) * 2.0 - 1.0;
+        origin + world_from_clip.project_point3(ndc.extend(f64::from(*depth)))
+    };
     let mut shot = Shot {
         vals: Vec::new(),
         caches: Vec::new(),
         proxies: Vec::new(),
         albedo: halves(gpu, &surface.albedo)?,
         specular: halves(gpu, &surface.specular)?,
+        positions: depth.iter().enumerate().map(place).collect(),
+        normals: radiance(gpu, &surface.normal)?,
         direct: radiance(gpu, &surface.radiance)?,
         diffuse: indirect.map_or(Ok(Vec::new()), |i| radiance(gpu, &i.diffuse))?,
         glossy: match indirect.and_then(|i| i.glossy.as_ref()) {
             Some(image) => radiance(gpu, image)?,
             None => Vec::new(),
         },
-        covered: gpu.read_image::<f32>(&surface.depth)?.iter().map(|depth| *depth > 0.0).collect(),
+        covered: depth.iter().map(|depth| *depth > 0.0).collect(),
         sums: Default::default(),
         views: light_views(gpu, scene, &world)?,
+        subpixels: gpu.subpixels(),
         complaints: Vec::new(),
     };
     if let Some(vals) = light.vals() {

@@ -95,6 +95,12 @@ pub(crate) fn frame_of(
     if timed { gpu.timed_frame(record) } else { gpu.frame(record) }
 }
 
+/// Rounding errors that tests should expect, relative to llvmpipe's. llvmpipe rounds every operation on its own and to the
+/// nearest number. GPUs fuse multiplications with additions, and approximate quotients, roots, logarithms and powers.
+pub(crate) fn rounding(gpu: &Gpu) -> f64 {
+    if gpu.report().name.starts_with("llvmpipe") { 1.0 } else { 20.0 }
+}
+
 /// Fails if there are messages of the validation layer.
 #[track_caller]
 pub(crate) fn assert_clean(gpu: &Gpu) {

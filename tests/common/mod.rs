@@ -5,7 +5,7 @@ mod gpu;
 #[cfg(feature = "app")]
 pub(crate) mod window;
 
-pub(crate) use gpu::{Turn, apart, assert_clean, compile, frame_of, from_spirv, gpu, map_on_gpu, open};
+pub(crate) use gpu::{Turn, apart, assert_clean, compile, frame_of, from_spirv, gpu, map_on_gpu, open, rounding};
 
 use std::fs;
 use std::path::{Path, PathBuf};

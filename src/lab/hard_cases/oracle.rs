@@ -43,8 +43,8 @@ pub(super) fn material(s: &PixelSurface, scene: &Scene, shot: &Shot) -> Material
     Material { diffuse, specular, ..reflection(scene, s.material) }
 }
 
-/// Difference of a brute-force frame's diffuse and glossy layer from f64 brute force at the hits of rays through pixel
-/// centres.
+/// Difference of a brute-force frame's diffuse and glossy layer from f64 brute force at the surface that the device has
+/// at each pixel. Rasterisers move surfaces by up to a step of their grid.
 pub(super) fn brute_force_picture(scene: &Scene, shot: &Shot) -> [f64; 2] {
     brute_force_picture_near(scene, shot, 0.0)
 }
@@ -57,10 +57,10 @@ pub(super) fn brute_force_picture_near(scene: &Scene, shot: &Shot, apart: f64) -
     let places = [DVec3::ZERO, x, -x, y, -y, z, -z];
     let at = |s: &PixelSurface| {
         let radiance = |place: &DVec3| {
-            let position = s.position + apart * *place;
-            let mirrored = mirrored_view(position, s.normal, eye);
+            let (position, normal) = (shot.positions[s.pixel] + apart * *place, shot.normals[s.pixel]);
+            let mirrored = mirrored_view(position, normal, eye);
             let (diffuse, glossy) =
-                brute_force::radiance(position, s.normal, mirrored, &material(s, scene, shot), &shot.vals);
+                brute_force::radiance(position, normal, mirrored, &material(s, scene, shot), &shot.vals);
             [diffuse, glossy]
         };
         let all: Vec<_> = places[..if apart > 0.0 { 7 } else { 1 }].iter().map(radiance).collect();
@@ -116,12 +116,14 @@ pub(super) fn cast_vals(scene: &Scene, shot: &Shot) -> [f64; 3] {
     let brightest = twins.iter().map(|val| val.flux.length()).fold(0.0, f64::max);
     let (mut elsewhere, mut turned, mut brighter) = (0, 0.0_f64, 0.0_f64);
     for (val, twin) in shot.vals.iter().zip(&twins) {
-        if val.position.distance(twin.position) > 1e-4 {
+        let moved = val.position.distance(twin.position);
+        if moved > shot.most_moved(twin) {
             elsewhere += 1;
             continue;
         }
-        turned = turned.max(val.normal.distance(twin.normal));
-        brighter = brighter.max(val.flux.distance(twin.flux) / brightest);
+        // Normals of a ball turn as the place moves.
+        turned = turned.max(val.normal.distance(twin.normal) - 4.0 * moved);
+        brighter = brighter.max(val.flux.distance(twin.flux) / brightest - moved);
     }
     [f64::from(elsewhere) / twins.len() as f64, turned, brighter]
 }

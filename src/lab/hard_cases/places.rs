@@ -29,7 +29,7 @@ pub(super) fn cases() -> Vec<Case> {
     all.push(Case::new("light on a wall", "point light in the plane of the floor", oracle, on_floor));
     let dark = "exactly no direct and no indirect light inside";
     all.push(Case::new("closed box", "walls 5 cm thick, three lights outside", dark, |gpu| closed_box(gpu, 0.05)));
-    let dark = "inside, direct light only within 2 shadow texels of an edge, indirect light below 1e-6 of the brightest outside";
+    let dark = "inside, direct light only within 2 shadow texels of an edge, indirect light below 1e-6 (1e-4 on GPUs) of the brightest outside";
     all.push(Case::new("closed box", "walls without thickness, three lights outside", dark, |gpu| {
         closed_box(gpu, 0.0)
     }));
@@ -161,8 +161,16 @@ fn closed_box(gpu: &Gpu, thickness: f32) -> Result<Outcome> {
         // A wall without thickness coincides with its lit side: a shadow map separates them except at edges.
         ("direct: texels from an edge", leaks, if thickness > 0.0 { 0.0 } else { 2.0 }),
         ("indirect by caches", indirect(&caches) / bright, 0.0),
-        // Cosines of VALs in the wall's own plane round around 0 as well.
-        ("brute force", indirect(&truth) / bright, if thickness > 0.0 { 0.0 } else { 1e-6 }),
+        // Cosines of VALs in the wall's own plane round around 0 as well. A rasteriser's grid moves pixels off the plane.
+        (
+            "brute force",
+            indirect(&truth) / bright,
+            match truth.subpixels {
+                _ if thickness > 0.0 => 0.0,
+                Some(_) => 1e-4,
+                None => 1e-6,
+            },
+        ),
     ]);
     Ok(outcome.of(&[&truth, &caches, &outside]).provided(bright > 0.0, "nothing is lit outside"))
 }
@@ -205,7 +213,7 @@ fn no_lights(gpu: &Gpu) -> Result<Outcome> {
     let mut scene = corner(&[], 10.0);
     let radiance = vec3(2.0, 3.0, 4.0);
     scene.materials[2].emissive = radiance;
-    let mut wrong = 0;
+    let (mut wrong, mut own) = (0, 0.0_f64);
     let mut shots = Vec::new();
     for gi in [Gi::LightSkin, Gi::BruteForce] {
         let bounces = u32::from(gi == Gi::BruteForce);
@@ -214,15 +222,17 @@ fn no_lights(gpu: &Gpu) -> Result<Outcome> {
             seen(&scene, small().size).iter().filter(|s| s.instance == 2).map(|s| s.pixel).collect();
         for (pixel, found) in shot.direct.iter().enumerate() {
             let expected = if shines.contains(&pixel) { radiance.as_dvec3() } else { DVec3::ZERO };
-            wrong += usize::from(*found != expected);
+            wrong += u32::from(*found != expected);
         }
         // A ball does not see itself, except for rounding between patches that share an edge.
-        wrong += shines.iter().filter(|pixel| shot.diffuse[**pixel].max_element() > 1e-5).count();
+        own = shines.iter().map(|pixel| shot.diffuse[*pixel].max_element()).fold(own, f64::max);
         shots.push(shot);
     }
     let is_lit = shots.iter().all(|shot| indirect(shot) > 0.0);
     // Two pictures, each with its rim pixels.
-    let outcome = Outcome::all([("wrong pixels", wrong as f64, 2.0 * oracle::RIMS as f64)]);
+    let wrong = ("wrong pixels", f64::from(wrong), 2.0 * oracle::RIMS as f64);
+    let most = if shots[0].subpixels.is_some() { 5e-3 } else { 3e-5 };
+    let outcome = Outcome::all([wrong, ("light on the ball", own, most)]);
     Ok(outcome.of(&shots.iter().collect::<Vec<_>>()).provided(is_lit, "the ball lights nothing"))
 }
 
