@@ -7,20 +7,21 @@
 #include "lib/directions.glsl"
 #include "lib/form_factor.glsl"
 
-const uint THREADS = 8u; // as many as have room for a map each
-layout(local_size_x = THREADS) in;
+const uint MAPS = 8u; // as many as shared memory has room for
+layout(local_size_x_id = 0) in;
+layout(constant_id = 0) const uint THREADS = 8u; // a multiple of MAPS
+layout(constant_id = 1) const uint VALS_AS_TEXELS = 0; // 1: VALs are read as texels
 layout(push_constant, scalar) uniform Push { DirectionsPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 2, scalar) readonly buffer Args { LiveArgs args; };
 layout(binding = 3, scalar) readonly buffer ValCount { uint val_count; };
-layout(binding = 4, scalar) readonly buffer Vals { Val vals[]; };
+layout(binding = 4, std430) readonly buffer Vals { vec4 vals[]; }; // three words each
 layout(binding = 5) uniform samplerBuffer val_texels; // `vals` again
 layout(binding = 6, scalar) writeonly buffer Radiances { uint radiances[]; }; // DIRECTIONS values per cache [cd/m^2]
-layout(constant_id = 0) const uint VALS_AS_TEXELS = 0; // 1: VALs are read as texels
 #ifdef BOUNCES
 layout(binding = 7, scalar) readonly buffer CacheValCount { uint cache_val_count; };
-layout(binding = 8, scalar) readonly buffer CacheVals { Val cache_vals[]; };
+layout(binding = 8, std430) readonly buffer CacheVals { vec4 cache_vals[]; };
 layout(binding = 9) uniform samplerBuffer cache_val_texels; // `cache_vals` again
 layout(binding = 10, scalar) readonly buffer Scales { float scales[]; };
 #endif
@@ -30,22 +31,35 @@ layout(binding = 10, scalar) readonly buffer Met { uint met[]; }; // caches at h
 layout(binding = 11, scalar) readonly buffer Parts { GatherSums parts[]; }; // light from all these caches comes first
 #endif
 #ifdef SHADOWED
-layout(constant_id = 1) const uint IMAGES_AS_TEXELS = 1;
+layout(constant_id = 2) const uint IMAGES_AS_TEXELS = 1;
 #define IMAGE_BINDING 7
 #define IMAGE_WORDS_BINDING 8
 #include "lib/sees.glsl"
 #endif
 
-// A VAL from three texels of a buffer of VALs.
-Val val_from(samplerBuffer texels, uint i) {
-    vec4 place = texelFetch(texels, int(3u * i));
-    vec4 facing = texelFetch(texels, int(3u * i + 1u));
-    vec4 light = texelFetch(texels, int(3u * i + 2u));
+// A VAL from its three words.
+Val val_from(vec4 place, vec4 facing, vec4 light) {
     return Val(place.xyz, place.w, facing.xyz, 0u, light.rgb, light.w);
 }
 
-// One map per thread.
-shared float sums[3u * DIRECTIONS * THREADS];
+Val val_at(uint i) {
+    int at = int(3u * i);
+    return VALS_AS_TEXELS != 0u
+        ? val_from(texelFetch(val_texels, at), texelFetch(val_texels, at + 1), texelFetch(val_texels, at + 2))
+        : val_from(vals[at], vals[at + 1], vals[at + 2]);
+}
+
+#ifdef BOUNCES
+Val cache_val_at(uint i) {
+    int at = int(3u * i);
+    return VALS_AS_TEXELS != 0u
+        ? val_from(texelFetch(cache_val_texels, at), texelFetch(cache_val_texels, at + 1), texelFetch(cache_val_texels, at + 2))
+        : val_from(cache_vals[at], cache_vals[at + 1], cache_vals[at + 2]);
+}
+#endif
+
+// Sums by direction. Threads with the same index modulo MAPS share a map.
+shared float sums[3u * DIRECTIONS * MAPS];
 
 // The workgroup's cache.
 Cache c;
@@ -73,19 +87,28 @@ void take(inout Beam beam, Val val) {
     beam.most = max(beam.most, g * at_cache);
 }
 
-// Adds a beam to the thread's map, if the cache sees where it comes from.
+// Adds a beam to the thread's map, if the cache sees where it comes from. All threads of the workgroup call it together:
+// those that share a map take turns.
 void add(Beam beam, float scale) {
-    if (beam.most <= 0.0) {
-        return;
-    }
+    bool is_lit = beam.most > 0.0;
     vec3 e = beam.irradiance * scale;
+    uint at = 0u;
+    if (is_lit) {
 #ifdef SHADOWED
-    e *= sees(seen_by, beam.d);
+        e *= sees(seen_by, beam.d);
 #endif
-    uint at = direction_index(normalize(beam.d)) * 3u * THREADS + gl_LocalInvocationID.x;
-    sums[at] += e.x;
-    sums[at + THREADS] += e.y;
-    sums[at + 2u * THREADS] += e.z;
+        at = direction_index(normalize(beam.d)) * 3u * MAPS + gl_LocalInvocationID.x % MAPS;
+    }
+    for (uint turn = 0u; turn < THREADS / MAPS; ++turn) {
+        if (is_lit && gl_LocalInvocationID.x / MAPS == turn) {
+            sums[at] += e.x;
+            sums[at + MAPS] += e.y;
+            sums[at + 2u * MAPS] += e.z;
+        }
+        if (THREADS > MAPS) {
+            barrier();
+        }
+    }
 }
 
 #ifdef TRACED
@@ -117,34 +140,30 @@ void main() {
         return;
     }
     uint thread = gl_LocalInvocationID.x;
-    for (uint i = 0u; i < 3u * DIRECTIONS; ++i) {
-        sums[i * THREADS + thread] = 0.0;
+    for (uint i = thread; i < 3u * DIRECTIONS * MAPS; i += THREADS) {
+        sums[i] = 0.0;
     }
+    barrier();
     uint cache = live[slot];
     c = caches[cache];
 #ifdef SHADOWED
     seen_by = view(slot, c.normal);
 #endif
 #ifdef BOUNCES
-    for (uint i = thread; i < cache_val_count; i += THREADS) {
+    for (uint first = 0u; first < cache_val_count; first += THREADS) {
         Beam beam = Beam(vec3(0.0), vec3(0.0), 0.0);
-        if (VALS_AS_TEXELS != 0u) {
-            take(beam, val_from(cache_val_texels, i));
-        } else {
-            take(beam, cache_vals[i]);
+        if (first + thread < cache_val_count) {
+            take(beam, cache_val_at(first + thread));
         }
         add(beam, scales[slot]);
     }
 #endif
     // Neighbours in an RSM lie in about the same direction and are merged. The list is padded with dark VALs.
-    for (uint first = thread * push.together; first < val_count; first += THREADS * push.together) {
+    for (uint first = 0u; first < val_count; first += THREADS * push.together) {
         Beam beam = Beam(vec3(0.0), vec3(0.0), 0.0);
-        for (uint i = 0u; i < push.together; ++i) {
-            if (VALS_AS_TEXELS != 0u) {
-                take(beam, val_from(val_texels, first + i));
-            } else {
-                take(beam, vals[first + i]);
-            }
+        uint own = first + thread * push.together;
+        for (uint i = 0u; i < push.together && own < val_count; ++i) {
+            take(beam, val_at(own + i));
         }
         add(beam, 1.0);
     }
@@ -155,9 +174,9 @@ void main() {
 #endif
     for (uint direction = thread; direction < DIRECTIONS; direction += THREADS) {
         vec3 sum = vec3(0.0);
-        for (uint i = 0u; i < THREADS; ++i) {
-            uint at = direction * 3u * THREADS + i;
-            sum += vec3(sums[at], sums[at + THREADS], sums[at + 2u * THREADS]);
+        for (uint i = 0u; i < MAPS; ++i) {
+            uint at = direction * 3u * MAPS + i;
+            sum += vec3(sums[at], sums[at + MAPS], sums[at + 2u * MAPS]);
         }
         sum /= direction_solid_angle(direction);
 #ifdef TRACED

@@ -531,6 +531,9 @@ struct PackPush {
     uint split; // as in GatherPush
 };
 
+// Bins of the exposure's histogram.
+const uint EXPOSURE_BINS = 1024u;
+
 // Push constants of composite and exposure.
 struct CompositePush {
     float ev; // fixed exposure value at ISO 100

@@ -1,7 +1,12 @@
 // Stage 6, first: visibility of the sky from each cache, by rays: the arriving share of the light on an open surface,
 // and the openness of each direction that short rays look up. METHOD 12. Twin: src/reference/sky.rs.
+// variant sky_seen_met.comp: MET (where caches light caches: their depth images have traced the same rays)
 #extension GL_EXT_control_flow_attributes : require
+#ifdef MET
+#include "shared.glsl"
+#else
 #include "lib/hit.glsl"
+#endif
 #include "lib/depth_image.glsl"
 #include "lib/directions.glsl"
 
@@ -12,6 +17,11 @@ layout(binding = 12, scalar) readonly buffer Caches { Cache caches[]; };
 #include "lib/sky.glsl"
 layout(binding = 15, scalar) writeonly buffer Seen { SkySeen seen[]; }; // per cache
 layout(binding = 16, scalar) writeonly buffer Open { uint open_parts[]; }; // per cache: openness by direction, 8 bits each
+
+#ifdef MET
+layout(binding = 17, scalar) readonly buffer Met { uint met[]; }; // of each cache, as of trace_images.comp
+layout(binding = 18, scalar) readonly buffer FarMet { uint far_met[]; };
+#endif
 
 const uint THREADS = gl_WorkGroupSize.x;
 const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
@@ -31,8 +41,10 @@ void main() {
     Cache c = caches[cache];
     vec3 tangent, bitangent;
     tangents(c.normal, tangent, bitangent);
+#ifndef MET
     float lift = lift_at(c.position, 0.0);
     vec3 start = c.position + c.normal * lift;
+#endif
     vec3 open = vec3(0.0);
     vec3 lit = vec3(0.0);
     vec3 all = vec3(0.0);
@@ -44,12 +56,17 @@ void main() {
         uint found = 0u;
         if (z2 > 0.0) {
             vec3 direction = tangent * p.x + bitangent * p.y + c.normal * sqrt(z2);
+#ifdef MET
+            bool is_lit = met[cache * DEPTH_IMAGE_TEXELS + texel] == NO_REFERENCES;
+            found = far_met[cache * DEPTH_IMAGE_TEXELS + texel] == NO_REFERENCES ? 1u : 0u;
+#else
             Hit hit = trace(start, direction, lift, 3e38, push.root, 0u, false);
             bool is_lit = hit.triangle == NO_HIT;
             if (!is_lit && hit.distance < push.reach) {
                 hit = trace(start, direction, push.reach, 3e38, push.root, 0u, true);
             }
             found = hit.triangle == NO_HIT ? 1u : 0u;
+#endif
             vec3 radiance = sky_at(SKY_OF_CACHES, direction);
             all += radiance;
             lit += is_lit ? radiance : vec3(0.0);

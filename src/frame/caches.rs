@@ -79,7 +79,7 @@ impl CacheLight {
             cull: plan.cull.then(|| Cull::new(gpu, &gather, world.references_each)).transpose()?,
             occlude: plan.occlude.then(|| Occlude::new(gpu, count, plan.lobes, group)).transpose()?,
             interpolate: Interpolate::new(gpu, plan, world, settings.interpolation)?,
-            sky: SkyOfCaches::new(gpu, world, plan)?.zip(SkyShading::new(gpu, plan, world)?),
+            sky: SkyOfCaches::new(gpu, world, plan, gather.sent_on())?.zip(SkyShading::new(gpu, plan, world)?),
             near,
             inside: Dipoles::new(gpu, plan, world)?,
             gather,

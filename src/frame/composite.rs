@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::gpu::{
     Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
 };
-use crate::shared::CompositePush;
+use crate::shared::{CompositePush, EXPOSURE_BINS};
 use glam::Vec4;
 
 /// A finished picture.
@@ -19,6 +19,8 @@ pub struct Output {
     pub picture: Image,
     /// The exposure value of the picture, measured or fixed.
     pub exposure: Buffer,
+    /// Histogram of luminance; all 0 between frames.
+    bins: Buffer,
 }
 
 impl Output {
@@ -30,15 +32,21 @@ impl Output {
         Ok(Self {
             picture: gpu.target("composite.output", Format::R8G8B8A8_SRGB, w, h)?,
             exposure: gpu.buffer("composite.exposure", 16)?,
+            bins: gpu.buffer_from("composite.bins", &[0_u32; 4 * EXPOSURE_BINS as usize])?,
         })
     }
 }
 
 /// Measures the luminance of the visible radiance and maps it to the display. METHOD 10.
 pub struct Composite {
+    fill: Pipeline,
     expose: Pipeline,
     map: Pipeline,
 }
+
+/// Pixels per workgroup of the exposure's histogram, and the maximum number of workgroups.
+const PIXELS_PER_GROUP: u32 = 2048;
+const MOST_GROUPS: u32 = 64;
 
 /// Inputs and output of the composite stage for one picture.
 #[derive(Clone, Copy)]
@@ -56,15 +64,16 @@ pub struct Composed<'a> {
 }
 
 impl<'a> Composed<'a> {
-    /// The inputs without edges and layers. A lobe that the plan lacks is not read; the direct image takes its binding.
-    fn binds(&self) -> Vec<Bind<'a>> {
+    /// The inputs without edges and layers, and this buffer. A lobe that the plan lacks is not read; the direct image
+    /// takes its binding.
+    fn binds(&self, last: &'a Buffer) -> Vec<Bind<'a>> {
         let [direct, diffuse, glossy] = radiances(&self.surface.radiance, self.indirect);
-        vec![direct, diffuse, glossy, (&self.surface.depth).into(), (&self.out.exposure).into()]
+        vec![direct, diffuse, glossy, (&self.surface.depth).into(), last.into()]
     }
 
-    /// The same inputs, with second surfaces and the depth of the nearest layer.
+    /// The inputs and the exposure, with second surfaces and the depth of the nearest layer.
     fn binds_with_more(&self) -> Vec<Bind<'a>> {
-        let mut binds = self.binds();
+        let mut binds = self.binds(&self.out.exposure);
         if let Some(edges) = self.edges {
             binds.extend(radiances(&edges.before, edges.indirect_before.as_ref()));
             binds.extend(radiances(&edges.surface.radiance, edges.indirect.as_ref()));
@@ -91,7 +100,8 @@ impl Composite {
         let points = plan.antialiasing.samples();
         let constants = [u32::from(plan.indirect()), u32::from(plan.indirect() && plan.glossy), points];
         Ok(Self {
-            expose: gpu.compute("expose.comp", &constants)?,
+            fill: gpu.compute("expose_bins.comp", &constants[..2])?,
+            expose: gpu.compute("expose.comp", &[])?,
             map: gpu.raster(&Raster {
                 vertex: "screen.vert",
                 fragment: Some(match (plan.antialiasing, plan.layers) {
@@ -134,11 +144,21 @@ impl Composite {
                 (automatic.into(), look.tonemap as u32, metering_step(composed.surface.size));
             CompositePush { ev, automatic, tonemap, width, height, step, replaced, behind }
         };
-        if of_this_frame {
-            cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::ComputeRead);
+        if automatic {
+            if of_this_frame {
+                cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::ComputeRead);
+            }
+            for composed in views.clone() {
+                cmd.bind(&self.fill, &composed.binds(&composed.out.bins));
+                let push = push(&composed);
+                cmd.push(&push);
+                let pixels = push.width.div_ceil(push.step) * push.height.div_ceil(push.step);
+                cmd.dispatch(256 * pixels.div_ceil(PIXELS_PER_GROUP).clamp(1, MOST_GROUPS), 1, 1);
+            }
+            cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
         }
         for composed in views.clone() {
-            cmd.bind(&self.expose, &composed.binds());
+            cmd.bind(&self.expose, &[&composed.out.exposure, &composed.out.bins].map(Bind::from));
             cmd.push(&push(&composed));
             cmd.dispatch(256, 1, 1);
         }

@@ -12,6 +12,9 @@ use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline};
 use crate::shared::{DIRECTIONS, DirectionsPush, LiveArgs, VAL_TILE, Val};
 use std::mem::offset_of;
 
+/// Threads per cache on a GPU. Software devices have as many lanes as there are maps, which then need not take turns.
+const THREADS: u32 = 128;
+
 /// Radiance at caches by direction.
 pub(super) struct Directions {
     /// Incoming radiance \[cd/m^2\], packed, `DIRECTIONS` values per cache.
@@ -39,7 +42,8 @@ impl Directions {
     ) -> Result<Self> {
         let bytes = u64::from(caches.max(1)) * u64::from(4 * DIRECTIONS);
         let vals_bytes = u64::from(vals.max(caches).next_multiple_of(VAL_TILE)) * size_of::<Val>() as u64;
-        let constants = [gpu.reads_texels(vals_bytes), are_texels(gpu, caches)].map(u32::from);
+        let [vals, images] = [gpu.reads_texels(vals_bytes), are_texels(gpu, caches)].map(u32::from);
+        let constants = [if gpu.is_software() { 8 } else { THREADS }, vals, images];
         let name = match (shadowed, bounces) {
             (false, false) => "directions.comp",
             (true, false) => "directions_shadowed.comp",
@@ -48,7 +52,7 @@ impl Directions {
         };
         Ok(Self {
             radiances: gpu.buffer("directions.radiances", bytes)?,
-            pipeline: gpu.compute(name, &constants[..1 + usize::from(shadowed)])?,
+            pipeline: gpu.compute(name, &constants[..2 + usize::from(shadowed)])?,
             fade: [0.8, 1.2].map(|share| (share * near).powi(2)),
             together,
         })

@@ -6,7 +6,7 @@
 //! glsl/lib/gather.glsl.
 
 use super::bounce::{Bounces, Sources};
-use super::depth_images::{DepthImages, are_texels};
+use super::depth_images::{DepthImages, SentOn, are_texels};
 use super::directions::Directions;
 use super::gather_clusters::Clusters;
 use super::gather_draws::Draws;
@@ -100,6 +100,11 @@ impl Gather {
     /// Depth images of the caches; only with shadows of every VAL.
     pub fn depth_images(&self) -> Option<&DepthImages> {
         if let Self::Compute(by) = self { by.depth_images.as_ref() } else { None }
+    }
+
+    /// What the rays of depth images have met; only where they are traced and caches light caches.
+    pub(super) fn sent_on(&self) -> Option<&SentOn> {
+        self.depth_images().and_then(|images| images.sent_on.as_ref())
     }
 
     /// Radiance at caches by direction, for short rays.

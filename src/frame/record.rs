@@ -152,7 +152,7 @@ pub fn record_rows(
         }
         if let (true, Some((caches_sky, _)), Some(sky)) = (outdated.sky, &caches.sky, &world.sky_light) {
             let _zone = enter(plan::SKY_SEEN); // 6
-            caches_sky.record(cmd, (world, sky), &caches.atlas);
+            caches_sky.record(cmd, (world, sky), &caches.atlas, caches.gather.sent_on());
         }
         if outdated.proxies {
             let eyes: Vec<_> = views.iter().map(|(view, _)| view.eye).collect();

@@ -5,6 +5,7 @@
 //! change the shares, all caches have them, live or not.
 
 use super::atlas::Atlas;
+use super::depth_images::SentOn;
 use super::near::CACHE_REACH;
 use super::plan::Plan;
 use super::settings::Near;
@@ -25,11 +26,12 @@ pub struct SkyOfCaches {
 }
 
 impl SkyOfCaches {
-    /// Creates the pass that a plan needs. The world must have rays.
+    /// Creates the pass that a plan needs, with or without what the rays of depth images have met. The world must have
+    /// rays.
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shader.
-    pub(super) fn new(gpu: &Gpu, world: &World, plan: &Plan) -> Result<Option<Self>> {
+    pub(super) fn new(gpu: &Gpu, world: &World, plan: &Plan, sent_on: Option<&SentOn>) -> Result<Option<Self>> {
         if !plan.sky_light {
             return Ok(None);
         }
@@ -38,17 +40,28 @@ impl SkyOfCaches {
         Ok(Some(Self {
             seen: gpu.buffer("gather.sky_seen", count * size_of::<SkySeen>() as u64)?,
             open: gpu.buffer("gather.sky_open", count * u64::from(DIRECTIONS))?,
-            pipeline: gpu.compute("sky_seen.comp", &rays.constants(gpu))?,
+            pipeline: match sent_on {
+                Some(_) => gpu.compute("sky_seen_met.comp", &[])?,
+                None => gpu.compute("sky_seen.comp", &rays.constants(gpu))?,
+            },
             // Without short rays, caches see everything at any distance.
             reach: if plan.near == Near::Off { 0.0 } else { (CACHE_REACH * world.spacing()) as f32 },
         }))
     }
 
-    /// Records the pass. Caches must be complete.
-    pub(super) fn record(&self, cmd: &Cmd<'_>, (world, sky): (&World, &SkyLight), atlas: &Atlas) {
+    /// Records the pass. Caches must be complete, and so must `sent_on`, if it was given to `new`: both passes trace the
+    /// same rays.
+    pub(super) fn record(
+        &self,
+        cmd: &Cmd<'_>,
+        (world, sky): (&World, &SkyLight),
+        atlas: &Atlas,
+        sent_on: Option<&SentOn>,
+    ) {
         let Some(rays) = world.rays() else { return };
-        let mut resources = rays.binds(world).to_vec();
+        let mut resources = if sent_on.is_some() { Vec::new() } else { rays.binds(world).to_vec() };
         resources.extend([&atlas.caches, &sky.texels, &sky.levels, &self.seen, &self.open].map(Bind::from));
+        resources.extend(sent_on.iter().flat_map(|of| [&of.met, &of.far_met]).map(Bind::from));
         cmd.bind(&self.pipeline, &resources);
         let (cache_count, least) = (atlas.count, sky.least);
         cmd.push(&SkySeenPush { cache_count, root: rays.root, reach: self.reach, least });
