@@ -110,13 +110,18 @@ fn caches_see_of_the_sky_what_f64_rays_see() {
     let sky = scene.sky.as_ref().expect("a sky");
     let smooth = &lobes(sky)[(SKY_OF_CACHES - SKY_ITSELF - 1) as usize];
     let placed = Placed::new(&scene);
-    for near in [RAYS, Near::Off] {
+    let mut by_rays = Vec::new();
+    // With bounces, the pass reads what the rays of depth images have met.
+    for (near, bounces) in [(RAYS, 1), (RAYS, 2), (Near::Off, 1)] {
         let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-        let frame = drawn_of(&gpu, &scene, &world, &knobs([48, 27], near));
+        let frame = drawn_of(&gpu, &scene, &world, &Knobs { bounces, ..knobs([48, 27], near) });
         let light = frame.light.caches().expect("caches");
         let (of_caches, _) = light.sky.as_ref().expect("a sky");
         let found: Vec<SkySeen> = gpu.read(&of_caches.seen).expect("read");
         let parts: Vec<u32> = gpu.read(&of_caches.open).expect("read");
+        if near != Near::Off {
+            by_rays.push((bytemuck::cast_slice::<SkySeen, u32>(&found).to_vec(), parts.clone()));
+        }
         let places: Vec<Cache> = gpu.read(&light.atlas.caches).expect("read");
         let reach = if near == Near::Off { 0.0 } else { CACHE_REACH * world.spacing() };
         let least = 1e-4 * sky.illuminance().max_element() / 4.0;
@@ -143,6 +148,7 @@ fn caches_see_of_the_sky_what_f64_rays_see() {
         assert!(count > 100.0 && closed > 5.0 * count);
         assert!(share / count < 2e-3 && irradiance / count < 1e-3 && differ / directions < 1e-3);
     }
+    assert!(by_rays[0] == by_rays[1], "both ways trace the same rays");
     assert_clean(&gpu);
 }
 

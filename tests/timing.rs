@@ -2,7 +2,7 @@
 
 use crate::cli::{fails, folder, left, works};
 use crate::common::frames::{SPOT, baked, corner, small};
-use crate::common::{apart, assert_clean, frame_of, gpu, open};
+use crate::common::{apart, assert_clean, compile, frame_of, from_spirv, gpu, open};
 use crate::moving::{bend, world};
 use glam::Vec3;
 use lightskin::frame::{ClusterRule, Features, LightShadows, Plan, Quality, Settings, Shadows, View, World};
@@ -126,6 +126,36 @@ fn many_frames_without_waiting_have_as_many_times() {
     }
     gpu.wait().expect("done");
     assert_eq!(gpu.finished_times().expect("times").len(), 256);
+    assert_clean(&gpu);
+}
+
+/// Shaders have zones of their own within stages, and are no stages themselves.
+#[test]
+fn shaders_are_timed_within_their_stage() {
+    if apart() {
+        return;
+    }
+    let gpu = open(Validation::Sync);
+    let code = compile("#version 460\nlayout(local_size_x = 1) in;\nvoid main() {}\n").expect("compiles");
+    let pipeline = from_spirv(&gpu, "test.nothing", &code, &[]).expect("pipeline");
+    let mut zones = Vec::new();
+    for is_timed in [false, true] {
+        if is_timed {
+            gpu.time_shaders();
+        }
+        let frame = gpu.frame(|cmd| {
+            let _stage = cmd.zone("stage");
+            cmd.bind(&pipeline, &[]);
+            cmd.dispatch(1, 1, 1);
+            cmd.dispatch(1, 1, 1);
+            Ok(())
+        });
+        let times = gpu.times(&frame.expect("frame")).expect("times");
+        assert_eq!(times.stages().iter().map(|stage| stage.name).collect::<Vec<_>>(), ["stage"]);
+        zones.push(times.zones.iter().map(|zone| (zone.name, zone.depth, zone.is_shader)).collect::<Vec<_>>());
+    }
+    let (stage, shader) = (("stage", 0, false), ("test.nothing", 1, true));
+    assert_eq!(zones, [vec![stage], vec![stage, shader, shader]]);
     assert_clean(&gpu);
 }
 

@@ -13,7 +13,7 @@ pub struct Line {
     pub kind: String,
     /// Registers per thread, and scalar registers that a group of threads shares.
     pub registers: Option<[f64; 2]>,
-    /// Spilled registers or bytes.
+    /// Spilled registers; on NVIDIA bytes of local memory, which also hold arrays.
     pub spilled: Option<f64>,
     /// Groups of threads that a unit holds at a time.
     pub occupancy: Option<f64>,
