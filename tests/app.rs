@@ -158,6 +158,42 @@ fn everything_can_be_pressed() {
     app.quit_after(&["broken.glb"]);
 }
 
+/// The thesis's gather and clusters are chosen in the panel; the printed command draws the same picture.
+#[test]
+fn variants_of_the_method_can_be_chosen() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_variants");
+    let scene = cornell();
+    let path = scene.to_str().expect("a path");
+    let mut app = App::start(&display, &folder, &[&["view", path, "--size", "160x48"], &SMALL[..]].concat());
+    app.line("scene");
+    app.resize(480, 1000);
+    // Buttons lie where the previous frame put them, so wait for one frame.
+    app.command();
+    app.tap([160 + 60, 868], "");
+    std::thread::sleep(Duration::from_millis(300));
+    app.settle("");
+    let x = 160 + 135;
+    let mut seen = vec![png(&folder.join(app.picture())).1];
+    app.choose([x, 895], 2, "--gather fragment --shadows proxy");
+    seen.push(png(&folder.join(app.picture())).1);
+    // Bounces, shadows and short rays belong to compute: three rows fewer are above.
+    app.choose([x, 817], 3, "--cluster 8 --shadows proxy");
+    app.slide([160 + 110, 843], 30, "--cluster ");
+    seen.push(png(&folder.join(app.picture())).1);
+    app.choose([x, 869], 2, "--interpolation printed");
+    let name = app.picture();
+    seen.push(png(&folder.join(&name)).1);
+    assert!((1..seen.len()).all(|i| seen[i] != seen[i - 1]), "each variant must change the picture");
+    let command = app.command();
+    app.quit();
+    let mut words = words(&command)[1..].to_vec();
+    let at = words.iter().position(|word| word == "-o").expect("a file") + 1;
+    words[at] = "again.png".to_owned();
+    works(&folder, &words.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(png(&folder.join("again.png")).1 == seen[3], "the command must draw the picture of the window: {command}");
+}
+
 /// Each kind of mark is drawn over the picture, and nothing is where there are no caches and no virtual lights.
 #[test]
 fn marks_are_drawn_over_the_picture() {

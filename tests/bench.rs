@@ -289,6 +289,7 @@ fn tiny() -> Extent {
         ground: 800,
         warm_up: 0,
         frames: 1,
+        pipelines: 1,
         budget: 300.0,
     }
 }

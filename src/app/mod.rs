@@ -75,9 +75,8 @@ impl ApplicationHandler for App<'_> {
     }
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
-        let Some(open) = &mut self.open else { return };
         #[cfg(feature = "glsl")]
-        if open.has_new_shaders() {
+        if self.open.as_mut().is_some_and(Open::has_new_shaders) {
             let remade = self.open.take().map(Open::with_new_shaders).transpose();
             self.open = self.check(events, remade).flatten();
         }

@@ -6,6 +6,7 @@ pub(super) mod debug;
 mod lights;
 mod materials;
 mod memory;
+mod placement;
 mod sky;
 pub(super) mod style;
 mod timings;
@@ -163,6 +164,7 @@ impl State {
                     });
                     section(ui, "Scene", false, |ui| scene(ui, document, gpu));
                     section(ui, "Placement of caches", false, |ui| self.placement(ui, document));
+                    section(ui, "Variants of the method", false, |ui| placement::variants(ui, document));
                     section(ui, "Timings", true, |ui| timings::show(ui, document));
                     section(ui, "Memory", false, |ui| memory::show(ui, gpu));
                     section(ui, "Files", false, |ui| self.files(ui, document, &mut wishes));
@@ -366,31 +368,6 @@ impl State {
             row(ui, "Glass layers", &help, |ui| choose(ui, "layers", &mut settings.layers, &kinds));
         });
         document.settings = settings;
-    }
-
-    /// How caches are placed and interpolated.
-    fn placement(&mut self, ui: &mut Ui, document: &mut Document) {
-        let mut args = document.wanted().clone();
-        rows(ui, "placement", |ui| {
-            let mut angle = self.angle.unwrap_or(args.angle());
-            let help = "Largest angle between a surface and its cache. A smaller angle puts more of the caches on curved \
-                        surfaces and at edges. New caches are baked in the background.";
-            let drag = DragValue::new(&mut angle).range(1.0..=90.0).speed(0.5).suffix("\u{b0}").max_decimals(1);
-            let response = row(ui, "Angle", help, |ui| ui.add(drag.update_while_editing(false)));
-            self.angle = response.changed().then_some(angle).or(self.angle);
-            if !response.dragged() && !response.has_focus() {
-                args.set_angle(self.angle.take().unwrap_or(args.angle()));
-            }
-            let help = "Number of caches that are interpolated at each vertex. 16 is smoother, and slower to interpolate. The \
-                        caches are baked again in the background.";
-            let mut references = args.references();
-            row(ui, "References", help, |ui| choose(ui, "references", &mut references, &[(8, "8"), (16, "16")]));
-            args.set_references(references);
-        });
-        let now = document.wanted();
-        if (args.angle(), args.references()) != (now.angle(), now.references()) {
-            document.open(args, false);
-        }
     }
 }
 

@@ -4,7 +4,7 @@ use super::wrong_usage;
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use lightskin::frame::settings::Gather;
-use lightskin::frame::{ClusterRule, DrawSource, Near, Shadows, tune};
+use lightskin::frame::{ClusterRule, Near, Shadows, tune};
 use lightskin::gpu::Gpu;
 
 /// Flags for the gather.
@@ -96,7 +96,7 @@ impl GatherArgs {
         let dim = shadows == Shadows::Proxy;
         Ok(match (self.cluster.rule(), self.gather) {
             (Some(rule), _) => Gather::Clusters { rule, dim },
-            (None, GatherArg::Fragment) => Gather::Draws { source: DrawSource::Texels, tile: 4096, dim },
+            (None, GatherArg::Fragment) => Gather::draws(dim),
             (None, GatherArg::Compute) => Gather::Compute { ways: tune::fastest(gpu)?.ways, bounces, shadows, near },
         })
     }

@@ -10,7 +10,9 @@ use anyhow::{Context, Result, anyhow, bail};
 use clap::ValueEnum;
 use lightskin::frame::View as FrameView;
 use lightskin::frame::engine::Loaded;
-use lightskin::frame::{Exposure, Look, Near, Picture, Quality, Settings, Shadows, Tonemap};
+use lightskin::frame::{
+    ClusterRule, Exposure, Interpolation, Look, Near, Picture, Quality, Settings, Shadows, Tonemap,
+};
 use lightskin::gpu::{Gpu, Present};
 use std::ffi::OsString;
 use std::ops::RangeInclusive;
@@ -269,7 +271,21 @@ impl View {
                     flag("--shadows", shadow_word(shadows));
                 }
             }
+            (Indirect::Caches(Caches { gather: Gather::Draws { dim, .. }, .. }), _) => {
+                flag("--gather", "fragment".into());
+                flag("--shadows", shadow_word(if dim { Shadows::Proxy } else { Shadows::Off }));
+            }
+            (Indirect::Caches(Caches { gather: Gather::Clusters { rule, dim }, .. }), _) => {
+                match rule {
+                    ClusterRule::Distance(radii) => flag("--cluster", radii.to_string()),
+                    ClusterRule::Error(share) => flag("--cluster-error", share.to_string()),
+                }
+                flag("--shadows", shadow_word(if dim { Shadows::Proxy } else { Shadows::Off }));
+            }
             _ => {}
+        }
+        if matches!(settings.indirect, Indirect::Caches(Caches { interpolation: Interpolation::Printed, .. })) {
+            flag("--interpolation", "printed".into());
         }
         if settings.rsm != level.rsm {
             flag("--rsm", settings.rsm.to_string());

@@ -423,6 +423,11 @@ impl Near {
 }
 
 impl Gather {
+    /// The gather by draws, with tiles as large as older drivers take in one draw; `dim`: with stage 7.
+    pub fn draws(dim: bool) -> Self {
+        Self::Draws { source: DrawSource::Texels, tile: 4096, dim }
+    }
+
     /// How indirect light is shadowed.
     pub fn shadows(&self) -> Shadows {
         match *self {

@@ -14,7 +14,7 @@ use crate::frame::gather_draws::Draws;
 use crate::frame::occlude::Occlude;
 use crate::frame::plan::{Features, Plan};
 use crate::frame::proxies::Proxies;
-use crate::frame::tune::{self, Tuned};
+use crate::frame::tune::Tuned;
 use crate::frame::vals::Vals;
 use crate::frame::{DrawSource, Light, Shadows, View};
 use crate::gpu::Gpu;
@@ -296,7 +296,7 @@ impl Contexts<'_> {
             FLOP_PER_PAIR[0],
             FLOP_PER_PAIR[1],
             rayon::current_num_threads(),
-            tune::PIPELINES
+            self.extent.pipelines
         );
         let mut pairs = Table::new("pairs", "Gather: pairs per second", how, &columns);
         for (glossy, name) in [(false, "D"), (true, "DG")] {
@@ -375,7 +375,7 @@ impl Contexts<'_> {
             Ok(Gather::Compute(Box::new(Compute::new(gpu, count, vals_on_device.count, &ways, kind)?)))
         };
         let mut gathers = [Vec::new(), Vec::new()];
-        for _ in 0..tune::PIPELINES {
+        for _ in 0..self.extent.pipelines {
             self.gpu.forget_pipelines();
             gathers[0].push(by_draws()?);
             gathers[1].push(by_compute()?);
@@ -385,12 +385,12 @@ impl Contexts<'_> {
         // The first round of each pipeline is a warm-up.
         let begin = Instant::now();
         for round in 0.. {
-            let counts = round >= tune::PIPELINES;
-            if round >= tune::PIPELINES + ROUNDS && begin.elapsed().as_secs_f64() > LONG_ENOUGH {
+            let counts = round >= self.extent.pipelines;
+            if round >= self.extent.pipelines + ROUNDS && begin.elapsed().as_secs_f64() > LONG_ENOUGH {
                 break;
             }
             for (gathers, times) in gathers.iter().zip(&mut paths) {
-                let gather = &gathers[round % tune::PIPELINES];
+                let gather = &gathers[round % self.extent.pipelines];
                 let drawn = self.gpu.timed_frame(|cmd| {
                     let _zone = cmd.zone("gather");
                     gather.record(cmd, &lit);
@@ -488,7 +488,7 @@ impl Contexts<'_> {
                     // The median of several pipelines, as for the table of pairs.
                     let mut stage = |knobs: &Knobs| -> Result<(f64, f64, usize, usize)> {
                         let mut runs = Vec::new();
-                        for _ in 0..tune::PIPELINES {
+                        for _ in 0..self.extent.pipelines {
                             self.gpu.forget_pipelines();
                             let mut frame = world.frame(knobs)?;
                             let times = self.keep(world.times(&mut frame, self.extent.warm_up, self.extent.frames)?);

@@ -1,5 +1,7 @@
 //! Extent of the benchmark: which points are measured, and how often.
 
+use crate::frame::tune;
+
 /// Points of the thesis's tables, and the number of frames per point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Extent {
@@ -30,6 +32,8 @@ pub struct Extent {
     pub warm_up: usize,
     /// Frames of which the median is taken.
     pub frames: usize,
+    /// Pipelines of identical code that are timed in turn: they can differ in speed.
+    pub pipelines: usize,
     /// Time limit of each table \[s\].
     pub budget: f64,
 }
@@ -51,6 +55,7 @@ impl Extent {
             ground: 51_200,
             warm_up: 1,
             frames: 3,
+            pipelines: tune::PIPELINES,
             budget: 80.0,
         }
     }
@@ -86,6 +91,7 @@ impl Extent {
             ground: 150_000,
             warm_up: 20,
             frames: 50,
+            pipelines: tune::PIPELINES,
             budget: 1200.0,
         }
     }

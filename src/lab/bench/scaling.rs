@@ -267,7 +267,7 @@ impl Contexts<'_> {
             way.caches_per_thread,
             way.split,
             way.source.name(),
-            tune::PIPELINES
+            self.extent.pipelines
         );
         if let Some([empty, alone, often]) = fixed {
             how += &format!(
@@ -305,7 +305,7 @@ impl Contexts<'_> {
             self.gpu.forget_pipelines();
             Compute::new(self.gpu, atlas.count, vals.count, &self.tuned.ways, ComputeKind::plain(glossy))
         };
-        let gathers = (0..tune::PIPELINES).map(|_| gather()).collect::<Result<_>>()?;
+        let gathers = (0..self.extent.pipelines).map(|_| gather()).collect::<Result<_>>()?;
         let proxies = Proxies::new(self.gpu, atlas.count, glossy, 1)?;
         Ok(Work { gathers, atlas, proxies, vals, glossy, often: 1, times: Vec::new(), relative: Vec::new() })
     }

@@ -55,7 +55,7 @@ impl Contexts<'_> {
             let world = World::new(self.gpu, &scene, Some(&set))?;
             let knobs = Knobs { cull: false, ..settings(self.extent.size, Gi::LightSkin, RSM, self.tuned.ways) };
             let mut rounds = Vec::new();
-            for _ in 0..crate::frame::tune::PIPELINES {
+            for _ in 0..self.extent.pipelines {
                 self.gpu.forget_pipelines();
                 rounds.push(self.one_and_two(&scene, &world, &knobs)?);
             }
