@@ -423,7 +423,7 @@ impl Near {
 }
 
 impl Gather {
-    /// The gather by draws, with tiles as large as older drivers take in one draw; `dim`: with stage 7.
+    /// The gather by draws as `--gather fragment` requests it; `dim`: with stage 7.
     pub fn draws(dim: bool) -> Self {
         Self::Draws { source: DrawSource::Texels, tile: 4096, dim }
     }
