@@ -98,26 +98,40 @@ float bin_mean(uint bin) {
     return LEAST + (float(bin) + part) / BINS_PER_STOP;
 }
 
-// Mean log2 luminance without the darkest and the brightest tenth. Values more than five stops below the brightest
-// remaining bin are raised to that level, so that nearly black areas do not overexpose the picture.
-float clipped_mean() {
-    uint tail = total / 10u;
+// Bin that is the brightest without the brightest tenth of this weight.
+uint brightest_of(uint whole) {
     uint last = BINS - 1u;
-    for (uint above = weights[last]; above <= tail; above += weights[last]) {
+    for (uint above = weights[last]; above <= whole / 10u; above += weights[last]) {
         last -= 1u;
     }
+    return last;
+}
+
+// Mean log2 luminance without the darkest and the brightest tenth. What is 16 stops darker than the rest is black. Values
+// more than five stops below the brightest remaining bin are raised to that level, so that nearly black areas do not
+// overexpose the picture.
+float clipped_mean() {
+    const uint BLACK = 16u * uint(BINS_PER_STOP);
+    uint last = brightest_of(total);
+    uint first = last - min(last, BLACK);
+    uint lit = 0u;
+    for (uint bin = first; bin < BINS; bin += 1u) {
+        lit += weights[bin];
+    }
+    uint tail = lit / 10u;
+    last = brightest_of(lit);
     float darkest = bin_mean(last) - 5.0;
     float sum = 0.0;
     uint end = 0u;
-    for (uint bin = 0u; bin <= last; bin += 1u) {
+    for (uint bin = first; bin <= last; bin += 1u) {
         uint start = max(end, tail);
         end += weights[bin];
-        uint counted = min(end, total - tail);
+        uint counted = min(end, lit - tail);
         if (counted > start) {
             sum += float(counted - start) * max(bin_mean(bin), darkest);
         }
     }
-    return sum / float(total - 2u * tail);
+    return sum / float(lit - 2u * tail);
 }
 
 void main() {

@@ -148,6 +148,18 @@ fn a_lamp_in_view_does_not_blacken_the_picture() {
     assert!((lamp - ev_of(1e6)).abs() < 0.003, "EV {lamp}");
 }
 
+/// Light that is 16 stops darker than the rest is no light: it comes from rounding errors and leaks.
+#[test]
+fn what_is_nearly_black_does_not_brighten_the_picture() {
+    let gpu = gpu();
+    let lit = [-0.5, -0.5, 0.8, 0.8, 2.0];
+    let alone = of_poster(&gpu, &[wall(0.0), lit]);
+    let leaked = of_poster(&gpu, &[wall(1e-6), lit]);
+    let dim = of_poster(&gpu, &[wall(1e-3), lit]);
+    println!("EV {alone} alone, {leaked} with a leak, {dim} with dim light");
+    assert!((leaked - alone).abs() < 0.01 && dim < alone - 0.5, "EV {alone}, {leaked}, {dim}");
+}
+
 #[test]
 fn the_centre_matters_more_than_the_rim() {
     let gpu = gpu();

@@ -115,11 +115,13 @@ pub fn linear_from_srgb(color: DVec3) -> DVec3 {
 }
 
 /// Automatic exposure value at ISO 100 for a picture's surfaces: their mean log luminance, without the darkest and the
-/// brightest tenth and weighted towards the centre, becomes middle grey. METHOD 10. `radiance` [cd/m^2] and `seen`
+/// brightest tenth, without what is 16 stops darker than the rest, and weighted towards the centre, becomes middle grey.
+/// METHOD 10. `radiance` [cd/m^2] and `seen`
 /// (whether the pixel shows a surface) are row by row. 0 for a black picture.
 pub fn automatic_ev([width, height]: [u32; 2], radiance: &[DVec3], seen: &[bool]) -> f64 {
     const TAIL: f64 = 0.1;
     const DARKEST_STOPS: f64 = 5.0;
+    const BLACK_STOPS: f64 = 16.0;
     let step = (f64::from(width) * f64::from(height) / f64::from(1 << 18)).sqrt().ceil() as usize;
     let window = |at: usize, count: u32| {
         let from_centre = (at as f64 + 0.5) / f64::from(count) * 2.0 - 1.0;
@@ -140,7 +142,16 @@ pub fn automatic_ev([width, height]: [u32; 2], radiance: &[DVec3], seen: &[bool]
         all.sort_by(|a, b| a.0.total_cmp(&b.0));
         all
     };
-    let Some(sorted) = [true, false].into_iter().map(metered).find(|sorted| !sorted.is_empty()) else { return 0.0 };
+    let Some(mut sorted) = [true, false].into_iter().map(metered).find(|sorted| !sorted.is_empty()) else { return 0.0 };
+    // Luminance below which nine tenths of the weight lie.
+    let nine_tenths = (1.0 - TAIL) * sorted.iter().map(|(_, weight)| weight).sum::<f64>();
+    let mut below = 0.0;
+    let brightest = sorted.iter().find(|(_, weight)| {
+        below += weight;
+        below >= nine_tenths
+    });
+    let black = brightest.map_or(f64::MIN, |(log2, _)| log2 - BLACK_STOPS);
+    sorted.retain(|(log2, _)| *log2 >= black);
     let total: f64 = sorted.iter().map(|(_, weight)| weight).sum();
     let (first, last) = (TAIL * total, (1.0 - TAIL) * total);
     // Part of each pixel's weight between the tails.
