@@ -65,6 +65,25 @@ fn the_g_buffer_keeps_reflectances_as_halves() {
     assert_picture(&shot.specular, &twins(|r| r.specular), 1e-3, "specular");
 }
 
+/// The references take positions and normals from the device, so these are tested alone: against rays.
+#[test]
+fn the_g_buffer_is_the_surface_that_rays_hit() {
+    let gpu = gpu();
+    let scene = corner(&[SPOT], 30.0);
+    let settings = Knobs { gi: Gi::Off, ..small() };
+    let shot = shoot(&gpu, &scene, None, &settings);
+    let of =
+        |s: &PixelSurface| [shot.positions[s.pixel].distance(s.position), shot.normals[s.pixel].distance(s.normal)];
+    let seen = seen(&scene, settings.size);
+    for (i, what, bounds) in [(0, "position", [2e-5, 5e-3]), (1, "normal", [1e-5, 0.05])] {
+        let mut off: Vec<f64> = seen.iter().map(|s| of(s)[i]).collect();
+        off.sort_by(f64::total_cmp);
+        let worst = off[off.len() - 1 - (RIMS * off.len() as f64) as usize];
+        println!("{what}: off by {worst:.1e} without the rim");
+        assert!(worst < bounds[usize::from(shot.subpixels.is_some())], "{what}: {worst}");
+    }
+}
+
 // Stage 8 (METHOD 5).
 
 /// The references of a vertex, from the scene's own list.

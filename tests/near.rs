@@ -22,7 +22,7 @@ use lightskin::shared::{
 };
 
 use crate::common::frames::{add, baked, drawn_of, phong, shoot, small};
-use crate::common::{assert_clean, gpu};
+use crate::common::{assert_clean, gpu, rounding};
 
 const RAYS: Near = Near::Rays { per_pixel: 8, every: 2 };
 
@@ -256,7 +256,8 @@ fn what_stands_nearby_is_nearer_to_paths() {
     let [off, on] = [Near::Off, RAYS]
         .map(|near_is| against(&scene, &caches, &Knobs { near: near_is, ..near([128, 72]) }, &truth).relmse_trimmed);
     println!("relMSE without the worst 1 %: {off:.4} with caches alone, {on:.4} with rays");
-    assert!(on < 0.85 * off, "relMSE {on} with rays, {off} without");
+    let most = if rounding(&gpu()) > 1.0 { 0.85 } else { 0.8 };
+    assert!(on < most * off, "relMSE {on} with rays, {off} without");
 }
 
 #[test]

@@ -224,7 +224,8 @@ fn a_disc_blocks_where_it_stands_between_cache_and_light_alone() {
         assert_twin(&gpu, &caches, &proxies, 1e-5, &format!("{area} m^2 at {position}"))[0]
     };
     let down = Vec3::NEG_Y;
-    let is_blocked = |share: [f32; 2]| share.iter().all(|part| *part < 1e-6);
+    let rest = if rounding(&gpu) > 1.0 { 1e-6 } else { 0.0 };
+    let is_blocked = |share: [f32; 2]| share.iter().all(|part| *part <= rest);
     assert!(is_blocked(share(Vec3::Y, down, 1.0)), "a large disc in front of the light blocks it");
     assert!(is_blocked(share(Vec3::Y, Vec3::Y, 1.0)), "from either side");
     assert_eq!(share(Vec3::Y, Vec3::X, 1.0), [1.0; 2], "but not edge-on");
@@ -236,10 +237,10 @@ fn a_disc_blocks_where_it_stands_between_cache_and_light_alone() {
     let mut before = 1.0;
     for i in 0..40 {
         let now = share(vec3(0.03, 1.0, -0.02), down, 0.001 * 1.2_f32.powi(i))[0];
-        assert!(now <= before + 1e-6, "a larger disc must not leave more light: {now} after {before}");
+        assert!(now <= before + rest, "a larger disc must not leave more light: {now} after {before}");
         before = now;
     }
-    assert!(before < 1e-6);
+    assert!(before <= rest);
     assert_clean(&gpu);
 }
 

@@ -20,7 +20,7 @@ use lightskin::scene::build::{atrium, cuboid};
 use lightskin::shared::{self, DEPTH_IMAGE_TEXELS, LiveArgs};
 
 use crate::common::frames::{SPOT, add, baked, camera, corner, phong, shoot, small};
-use crate::common::{assert_clean, gpu};
+use crate::common::{assert_clean, gpu, rounding};
 
 fn shadowed() -> Knobs {
     Knobs { shadows: Shadows::PerLight, ..small() }
@@ -102,7 +102,8 @@ fn depth_images_are_the_references() {
     }
     println!("{filled} of {} texels have an end, {differ} differ", count * DEPTH_IMAGE_TEXELS as usize);
     assert!(filled * 10 > count * DEPTH_IMAGE_TEXELS as usize, "rectangles must be visible");
-    assert!(differ * 500 < filled, "{differ} of {filled} texels differ");
+    let most = if rounding(&gpu) > 1.0 { 500 } else { 1000 };
+    assert!(differ * most < filled, "{differ} of {filled} texels differ");
 
     // One workgroup per image, as on GPUs, draws the same images.
     let by_workgroups = DepthImages::with(&gpu, light.atlas.count, !gpu.is_software()).expect("made");

@@ -156,6 +156,17 @@ fn shaders_are_timed_within_their_stage() {
     }
     let (stage, shader) = (("stage", 0, false), ("test.nothing", 1, true));
     assert_eq!(zones, [vec![stage], vec![stage, shader, shader]]);
+    // However many shaders there are, stages keep their times.
+    let frame = gpu.frame(|cmd| {
+        for _ in 0..2 {
+            let _stage = cmd.zone("stage");
+            cmd.bind(&pipeline, &[]);
+            (0..300).for_each(|_| cmd.dispatch(1, 1, 1));
+        }
+        Ok(())
+    });
+    let times = gpu.times(&frame.expect("frame")).expect("times");
+    assert!(times.gpu_ms().is_some() && times.zones.iter().any(|zone| zone.is_shader));
     assert_clean(&gpu);
 }
 

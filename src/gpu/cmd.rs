@@ -8,7 +8,7 @@ use super::faults::Call;
 use super::frames::Slot;
 use super::hazards::{Log, Use};
 use super::image::Image;
-use super::timer::{MAX_ZONES, Recorded, Span, Work};
+use super::timer::{MAX_ZONES, Recorded, STAGE_ZONES, Span, Work};
 use super::vulkan;
 use crate::error::{Error, Result};
 use ash::vk;
@@ -291,10 +291,12 @@ impl<'g> Cmd<'g> {
         unsafe { self.gpu.shared.device.cmd_dispatch_indirect(self.buffer, arguments.handle, offset) };
     }
 
-    /// A zone for one dispatch, if shaders are timed. Where each zone is submitted separately, what is bound would be
-    /// lost.
+    /// A zone for one dispatch, if shaders are timed and stages keep enough timestamps. Where each zone is submitted
+    /// separately, what is bound would be lost.
     fn shader_zone(&self, bound: &Bound) -> Option<Zone<'_, 'g>> {
-        (self.gpu.times_shaders.get() && !self.split).then(|| self.open_zone(bound.name, true))
+        let is_timed = self.gpu.times_shaders.get() && !self.split;
+        let fits = self.slot.borrow().notes.zones.len() < (MAX_ZONES - STAGE_ZONES) as usize;
+        (is_timed && fits).then(|| self.open_zone(bound.name, true))
     }
 
     fn bound_to_compute(&self) -> Bound {

@@ -5,6 +5,9 @@ use std::time::Instant;
 /// Maximum number of zones per frame that are timed on the device; further zones have CPU times only.
 pub(crate) const MAX_ZONES: u32 = 192;
 
+/// Number of these that single shaders leave to stages.
+pub(crate) const STAGE_ZONES: u32 = 64;
+
 /// A time interval \[ms\].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Span {

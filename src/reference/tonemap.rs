@@ -116,8 +116,7 @@ pub fn linear_from_srgb(color: DVec3) -> DVec3 {
 
 /// Automatic exposure value at ISO 100 for a picture's surfaces: their mean log luminance, without the darkest and the
 /// brightest tenth, without what is 16 stops darker than the rest, and weighted towards the centre, becomes middle grey.
-/// METHOD 10. `radiance` [cd/m^2] and `seen`
-/// (whether the pixel shows a surface) are row by row. 0 for a black picture.
+/// METHOD 10. `radiance` [cd/m^2] and `seen` (whether the pixel shows a surface) are row by row. 0 for a black picture.
 pub fn automatic_ev([width, height]: [u32; 2], radiance: &[DVec3], seen: &[bool]) -> f64 {
     const TAIL: f64 = 0.1;
     const DARKEST_STOPS: f64 = 5.0;

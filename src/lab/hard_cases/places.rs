@@ -231,7 +231,7 @@ fn no_lights(gpu: &Gpu) -> Result<Outcome> {
     let is_lit = shots.iter().all(|shot| indirect(shot) > 0.0);
     // Two pictures, each with its rim pixels.
     let wrong = ("wrong pixels", f64::from(wrong), 2.0 * oracle::RIMS as f64);
-    let most = if shots[0].subpixels.is_some() { 5e-3 } else { 3e-5 };
+    let most = if shots[0].subpixels.is_some() { 5e-3 } else { 2e-5 };
     let outcome = Outcome::all([wrong, ("light on the ball", own, most)]);
     Ok(outcome.of(&shots.iter().collect::<Vec<_>>()).provided(is_lit, "the ball lights nothing"))
 }
