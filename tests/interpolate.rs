@@ -75,7 +75,7 @@ fn the_g_buffer_is_the_surface_that_rays_hit() {
     let of =
         |s: &PixelSurface| [shot.positions[s.pixel].distance(s.position), shot.normals[s.pixel].distance(s.normal)];
     let seen = seen(&scene, settings.size);
-    for (i, what, bounds) in [(0, "position", [2e-5, 5e-3]), (1, "normal", [1e-5, 0.05])] {
+    for (i, what, bounds) in [(0, "position", [5e-6, 5e-3]), (1, "normal", [1e-5, 0.05])] {
         let mut off: Vec<f64> = seen.iter().map(|s| of(s)[i]).collect();
         off.sort_by(f64::total_cmp);
         let worst = off[off.len() - 1 - (RIMS * off.len() as f64) as usize];
