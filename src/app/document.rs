@@ -1,45 +1,30 @@
-//! The open document: a scene with its light, camera and display settings, and the job that loads the next scene.
+//! The open document: a scene with its light, camera and display settings.
 
 use super::background::Rest;
 use super::camera::{Free, Seen, point_at};
 use super::canvas::Shown;
 use super::gizmo::Gizmo;
+use super::loading::Loading;
 use super::marks::Marks;
 use super::pixel::Pixel;
-use super::recent;
-use super::session::{self, Opened};
 use super::undo::History;
 use super::video::Video;
 use super::watch::Watch;
 use super::window::lost;
 use crate::cli::lights::Lights;
 use crate::cli::session::is_session;
-use crate::cli::thousands;
-use crate::cli::view::{Now, View as Args, print};
-use anyhow::{Result, anyhow};
+use crate::cli::view::{Now, View as Args};
+use anyhow::Result;
 use glam::DVec3;
-use lightskin::frame::engine::{Loaded, Progress};
 use lightskin::frame::settings::{Caches, Gather};
 use lightskin::frame::{Engine, Exposure, Indirect, Look, Picture, Settings, View, Ways, tune};
 use lightskin::gpu::{FrameTimes, Gpu};
 use lightskin::scene::{Camera, Material, Scene};
 use std::collections::{BTreeSet, VecDeque};
-use std::path::{Path, PathBuf};
-use std::thread::JoinHandle;
+use std::path::PathBuf;
 
 /// Number of frames whose times are kept.
 const HISTORY: usize = 600;
-
-/// A scene that is being loaded or rebaked in the background.
-struct Job {
-    thread: JoinHandle<Result<Loaded>>,
-    progress: Progress,
-    args: Args,
-    /// Whether the state of the file replaces the current state. Otherwise edits are kept.
-    anew: bool,
-    /// The session to apply after loading.
-    session: Option<Opened>,
-}
 
 /// Playback state of an animation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,7 +57,7 @@ pub(super) struct Document {
     /// The last settings that the device supported.
     pub(super) fitted: Settings,
     /// Size of the picture [pixels] for which memory ran out, and the settings with which it did.
-    refused: Option<([u32; 2], Settings)>,
+    pub(super) refused: Option<([u32; 2], Settings)>,
     /// View of the last frame.
     pub(super) drawn: Option<View>,
     pub(super) look: Look,
@@ -103,9 +88,11 @@ pub(super) struct Document {
     /// File of the session, if it has one.
     pub(super) session: Option<PathBuf>,
     watch: Option<Watch>,
-    job: Option<Job>,
-    ways: Ways,
-    rest: Rest,
+    pub(super) loading: Loading,
+    /// The last size that the picture was asked to have [pixels].
+    pub(super) asked: [u32; 2],
+    pub(super) ways: Ways,
+    pub(super) rest: Rest,
 }
 
 impl Document {
@@ -140,7 +127,8 @@ impl Document {
             edited: BTreeSet::new(),
             session: None,
             watch: None,
-            job: None,
+            loading: Loading::default(),
+            asked: [0, 0],
             ways,
             rest,
         };
@@ -151,44 +139,9 @@ impl Document {
         Ok(document)
     }
 
-    /// Starts to load a scene in the background. The old scene stays visible until then. A later call replaces the job.
-    pub(super) fn open(&mut self, args: Args, anew: bool) {
-        // Edits of a scene that is still being loaded go with the job that replaces its own.
-        let (before, session) = self.job.take().map_or((false, None), |job| (job.anew, job.session));
-        self.start(args, anew || before, session.filter(|_| !anew));
-    }
-
-    /// Opens a session in the background, like `open`.
-    ///
-    /// # Errors
-    /// Fails if the file is not a valid session.
-    pub(super) fn open_session(&mut self, file: &Path) -> Result<()> {
-        let (args, session) = session::load(file, &self.args)?;
-        self.start(args, true, Some(session));
-        Ok(())
-    }
-
-    fn start(&mut self, args: Args, anew: bool, session: Option<Opened>) {
-        let progress = Progress::default();
-        let (told, of_job, rest) = (progress.clone(), args.clone(), self.rest.clone());
-        // The first scene is loaded on all cores. Later ones use one core, which pauses while the user moves something.
-        let thread = match self.engine {
-            None => std::thread::spawn(move || of_job.load(&|done, what| told.set(done, what))),
-            Some(_) => std::thread::spawn(move || {
-                rest.first(|| {
-                    of_job.load(&|done, what| {
-                        rest.pause();
-                        told.set(done, what);
-                    })
-                })
-            }),
-        };
-        self.job = Some(Job { thread, progress, args, anew, session });
-    }
-
     /// Reloads the scene if watching is on and its files have changed.
     pub(super) fn watch(&mut self) {
-        let Some(scene) = self.args.scene.clone().filter(|_| self.args.watch && self.job.is_none()) else { return };
+        let Some(scene) = self.args.scene.clone().filter(|_| self.args.watch && !self.loading.works()) else { return };
         match &mut self.watch {
             Some(watch) if watch.is_of(&scene) => {
                 if watch.has_changed() {
@@ -198,121 +151,6 @@ impl Document {
             }
             watch => *watch = Some(Watch::new(&scene)),
         }
-    }
-
-    /// The arguments of the scene that is being loaded, or of the present one.
-    pub(super) fn wanted(&self) -> &Args {
-        self.job.as_ref().map_or(&self.args, |job| &job.args)
-    }
-
-    /// Progress of the job from 0 to 1, and its current step. `None` without a job.
-    pub(super) fn progress(&self) -> Option<(f32, String)> {
-        self.job.as_ref().map(|job| job.progress.get())
-    }
-
-    /// Takes over the result of a finished job. Returns whether a job had finished. Never waits. If a scene does not
-    /// load, or does not fit in memory beside the old one, the old one stays.
-    ///
-    /// # Errors
-    /// Fails if the first scene does not load, because there is nothing to show. Also fails if the device is lost; then
-    /// the job starts again.
-    pub(super) fn poll(&mut self, gpu: &Gpu) -> Result<bool> {
-        let Some(job) = self.job.take_if(|job| job.thread.is_finished()) else { return Ok(false) };
-        let made = job.thread.join().map_err(|_| anyhow!("a background job panicked; this is a bug of lightskin"));
-        let taken = made.and_then(|loaded| self.take(gpu, loaded?, (job.args.clone(), job.anew), job.session.as_ref()));
-        match (taken, &self.engine) {
-            (Err(error), _) if lost::is_loss(&error) => {
-                self.start(job.args, job.anew, job.session);
-                return Err(error);
-            }
-            (Err(error), Some(_)) => log::error!("{error:#}; the scene stays as it was"),
-            (Err(error), None) => return Err(error),
-            (Ok(()), _) => {}
-        };
-        Ok(true)
-    }
-
-    fn take(
-        &mut self,
-        gpu: &Gpu,
-        mut loaded: Loaded,
-        (args, anew): (Args, bool),
-        session: Option<&Opened>,
-    ) -> Result<()> {
-        let count = loaded
-            .caches
-            .as_ref()
-            .map_or(0, |caches| caches.instance_model.iter().map(|model| caches.models[*model].caches.len()).sum());
-        let mut settings = usual(&args, count, self.ways);
-        let mut lights = match &self.engine {
-            Some(old) if !anew && session.is_none() => {
-                keep_edits(old.scene(), &mut loaded.scene, &self.edited);
-                Lights::kept(&loaded.scene, &self.lights)
-            }
-            _ => Lights::of(&loaded.scene),
-        };
-        lights.apply(&mut loaded.scene);
-        // Keep the chosen settings if only the number of caches or the contents of the file have changed.
-        let same_scene = self.engine.is_some() && args.scene == self.args.scene;
-        if same_scene && args.quality() == self.args.quality() {
-            settings = self.settings;
-        }
-        if let Some(Opened { session, drawing, .. }) = session {
-            settings = drawing.settings(gpu, count)?;
-            lights = session.change(&mut loaded.scene);
-        }
-        // All of the new scene must fit, so that the old one can stay if it does not.
-        let engine = Engine::new(gpu, loaded, &settings)?;
-        self.picture = self.picture.as_ref().map(|old| engine.picture(gpu, old.size())).transpose()?;
-        (self.engine, self.fitted, self.refused) = (Some(engine), settings, None);
-        self.changes += 1;
-        (self.pixel, self.video) = (None, None);
-        self.gizmo.clear();
-        // Steps of other lights cannot be undone.
-        if anew || !lights.has_the_file_of(&self.lights) {
-            self.history = History::default();
-        }
-        self.lights = lights;
-        if anew {
-            self.edited.clear();
-        }
-        // The file is the same, even with another sky or other caches.
-        let same = anew && same_scene;
-        (self.args, self.settings, self.caches) = (args, settings, count);
-        self.look.behind = self.args.look().behind;
-        let scene = self.engine.as_ref().map(|engine| engine.scene().clone()).unwrap_or_default();
-        print(&format!(
-            "scene     {}: {} triangles, {} caches",
-            scene.name,
-            thousands(scene.triangle_count()),
-            thousands(count)
-        ));
-        if anew && !same {
-            self.bookmarks = [None; 9];
-            self.clip = Clip { animation: None, time: 0.0, playing: false, speed: self.clip.speed };
-            self.seen = self.args.camera.as_ref().map_or(Seen::OfScene(0), |wanted| begin_at(&scene, wanted));
-        }
-        self.clip.animation = self.clip.animation.filter(|clip| *clip < scene.animations().count());
-        let is_there = |seen: &Seen| !matches!(seen, Seen::OfScene(index) if *index >= scene.cameras.len());
-        self.bookmarks = self.bookmarks.map(|seen| seen.filter(is_there));
-        if let Seen::OfScene(index) = self.seen
-            && index >= scene.cameras.len()
-        {
-            self.seen = Seen::OfScene(0);
-        }
-        if let Some(Opened { session, .. }) = session {
-            session::apply(session, self);
-        }
-        if session.is_some() || (anew && !same) {
-            self.session = session.map(|opened| opened.file.clone());
-        }
-        if self.clip.animation.is_some() {
-            self.pose(gpu);
-        }
-        if let Some(path) = self.args.scene.as_deref().filter(|_| anew) {
-            recent::add(path);
-        }
-        Ok(())
     }
 
     /// The settings of the quality level.
@@ -442,6 +280,7 @@ impl Document {
     /// # Errors
     /// Fails if the device is lost, or nothing can be shown.
     pub(super) fn fit(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<bool> {
+        self.asked = size;
         let kept = self.picture.as_ref().map(Picture::size);
         let refused = self.refused == Some((size, self.settings));
         let wanted = if refused { kept } else { Some(size).filter(|size| !size.contains(&0)) };
@@ -481,9 +320,10 @@ impl Document {
         Ok(())
     }
 
-    /// Drops everything on the device besides the engine.
+    /// Drops everything on the device besides the engine. A scene that is being uploaded is loaded again.
     pub(super) fn leave_device(&mut self) {
         (self.picture, self.refused) = (None, None);
+        self.load_again();
     }
 
     /// The view of the current camera and picture size.
@@ -536,32 +376,9 @@ impl Document {
     }
 }
 
-/// The camera that `--camera` requests.
-fn begin_at(scene: &Scene, wanted: &str) -> Seen {
-    let index = wanted.parse().ok().or_else(|| scene.cameras.iter().position(|camera| camera.name == wanted));
-    match (Free::parse(wanted), index) {
-        (Some(free), _) => Seen::Free(free),
-        (None, index) => Seen::OfScene(index.unwrap_or(0)),
-    }
-}
-
 /// The settings of the quality level for this number of caches. Stages with unchanged inputs are skipped.
-fn usual(args: &Args, caches: usize, ways: Ways) -> Settings {
+pub(super) fn usual(args: &Args, caches: usize, ways: Ways) -> Settings {
     Settings { reuse: true, ..Settings::at(args.quality(), caches).with_ways(ways) }
-}
-
-/// Copies visibility and edited materials from the old scene, if the new scene has the same number of each.
-fn keep_edits(old: &Scene, new: &mut Scene, edited: &BTreeSet<usize>) {
-    if old.instances.len() == new.instances.len() {
-        for (old, new) in old.instances.iter().zip(&mut new.instances) {
-            new.hidden = old.hidden;
-        }
-    }
-    if old.materials.len() == new.materials.len() {
-        for index in edited {
-            copy_edits(&old.materials[*index], &mut new.materials[*index]);
-        }
-    }
 }
 
 /// Copies what the panel can change of a material.

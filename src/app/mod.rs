@@ -9,6 +9,7 @@ mod document;
 mod gizmo;
 mod input;
 mod lights;
+mod loading;
 mod marks;
 mod panel;
 mod pixel;

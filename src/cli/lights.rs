@@ -79,10 +79,10 @@ impl Lights {
         &self.lamps[self.own().len()..]
     }
 
-    /// The lights of a scene that was loaded again, with the edits of `before`: changes of lights that are still at the
-    /// same index under the same name, and all added lights.
-    pub(crate) fn kept(scene: &Scene, before: &Self) -> Self {
-        let mut lights = Self::of(scene);
+    /// These lights of a scene that was loaded again, with the edits of `before`: changes of lights that are still at
+    /// the same index under the same name, and all added lights.
+    pub(crate) fn keeping(mut self, before: &Self) -> Self {
+        let lights = &mut self;
         for (lamp, old) in lights.lamps.iter_mut().zip(before.own()) {
             if old.is_edited() && old.light.name == lamp.light.name && same_shape(old.light.kind, lamp.light.kind) {
                 // The sun of another sky keeps its own place, unless the user has moved the old one.
@@ -94,7 +94,7 @@ impl Lights {
         }
         lights.lamps.extend_from_slice(before.added());
         lights.chosen = before.chosen.filter(|index| *index < lights.lamps.len());
-        lights
+        self
     }
 
     /// Whether both have the same lights of a file, but for edits.
@@ -338,7 +338,7 @@ mod tests {
         (lamp.light.color, lamp.light.intensity, lamp.light.radius) = (Vec3::new(0.1, 0.2, 0.3), 4.0, 0.5);
         lights.add(spot());
         let mut scene = box_with_sky();
-        let kept = Lights::kept(&scene, &lights);
+        let kept = Lights::of(&scene).keeping(&lights);
         kept.apply(&mut scene);
         let light = &scene.lights[0];
         assert_eq!((light.color, light.intensity, light.radius), (Vec3::new(0.1, 0.2, 0.3), 4.0, 0.5));
@@ -351,14 +351,14 @@ mod tests {
         // The sun of another sky stands elsewhere. Its brightness stays as edited.
         let mut turned = box_with_sky();
         turned.lights[0].direction = Vec3::X;
-        let kept = Lights::kept(&turned, &lights);
+        let kept = Lights::of(&turned).keeping(&lights);
         assert_eq!((kept.lamps[0].light.direction, kept.lamps[0].light.intensity), (Vec3::X, 4.0));
         lights.lamps[0].placed = true;
-        assert_eq!(Lights::kept(&turned, &lights).lamps[0].light.direction, lights.lamps[0].light.direction);
+        assert_eq!(Lights::of(&turned).keeping(&lights).lamps[0].light.direction, lights.lamps[0].light.direction);
 
         let mut other = box_with_sky();
         other.lights[0].name = "another".into();
-        assert!(!Lights::kept(&other, &lights).lamps[0].is_edited(), "another light keeps its own values");
+        assert!(!Lights::of(&other).keeping(&lights).lamps[0].is_edited(), "another light keeps its own values");
     }
 
     #[test]

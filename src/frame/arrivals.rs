@@ -1,7 +1,7 @@
 //! Light that arrives at a surface's pixels from one light at a time, and the lists of pixels that need work. METHOD 14.
 
 use crate::error::Result;
-use crate::gpu::{Buffer, Cmd, Gpu};
+use crate::gpu::{Buffer, Cmd, Device};
 use crate::shared::{Arriving, LightWork, WORK_ROW};
 
 /// Side of a tile \[pixels\].
@@ -34,7 +34,7 @@ impl Arrivals {
     ///
     /// # Errors
     /// Fails if the device runs out of memory.
-    pub(super) fn new(gpu: &Gpu, name: &str, [w, h]: [u32; 2]) -> Result<Self> {
+    pub(super) fn new(gpu: &Device, name: &str, [w, h]: [u32; 2]) -> Result<Self> {
         assert!(w.max(h) <= 1 << 16, "lists hold 16 bits per coordinate");
         let buffer = |what: &str, bytes| gpu.buffer(&format!("{name}.{what}"), bytes);
         let pixels = u64::from(w) * u64::from(h);

@@ -2,7 +2,7 @@
 
 use super::world::World;
 use crate::error::Result;
-use crate::gpu::{Buffer, Cmd, Gpu, Pipeline};
+use crate::gpu::{Buffer, Cmd, Device, Pipeline};
 use crate::shared::{Cache, PlacePush};
 
 /// The caches of all instances in the world.
@@ -19,7 +19,7 @@ impl Atlas {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, count: u32) -> Result<Self> {
+    pub fn new(gpu: &Device, count: u32) -> Result<Self> {
         let caches = gpu.buffer("atlas.caches", u64::from(count.max(1)) * size_of::<Cache>() as u64)?;
         Ok(Self { caches, count, pipeline: gpu.compute("atlas.comp", &[])? })
     }
@@ -28,7 +28,7 @@ impl Atlas {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn of(gpu: &Gpu, caches: &[Cache]) -> Result<Self> {
+    pub fn of(gpu: &Device, caches: &[Cache]) -> Result<Self> {
         Ok(Self { caches: gpu.buffer_from("atlas.caches", caches)?, ..Self::new(gpu, caches.len() as u32)? })
     }
 

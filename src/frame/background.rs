@@ -4,7 +4,7 @@ use super::gbuffer::Surface;
 use super::view::View;
 use super::world::SkyBuffer;
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Attach, Attachments, Cmd, Device, Pipeline, Use};
 use crate::shared::SkyPush;
 
 /// Draws the background.
@@ -17,7 +17,7 @@ impl Background {
     ///
     /// # Errors
     /// Fails if the driver rejects the shaders.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
+    pub fn new(gpu: &Device) -> Result<Self> {
         let pipeline = Surface::adding(gpu, "sky.frag", &[])?;
         Ok(Self { pipeline })
     }

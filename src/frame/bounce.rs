@@ -17,7 +17,7 @@ use super::live::Live;
 use super::settings::{ProxyWeight, Shadows, Ways};
 use super::sums::{ComputeKind, SumBinds, SumKind, sum_pipeline};
 use crate::error::Result;
-use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Bind, Buffer, Cmd, Device, Pipeline, Use};
 use crate::shared::{
     BOUNCE_AGAIN, BOUNCE_AREAS, BOUNCE_EMITTED, BOUNCE_FIRST, BOUNCE_SKY, BouncePush, DEPTH_IMAGE_ROW, GATHER_THREADS,
     GatherPush, VAL_TILE, Val,
@@ -62,7 +62,7 @@ pub(super) struct Sources<'a> {
 
 impl Bounces {
     /// Creates the passes for caches that light each other at least once.
-    pub(super) fn new(gpu: &Gpu, live: &Live, ways: &Ways, kind: ComputeKind, is_traced: bool) -> Result<Self> {
+    pub(super) fn new(gpu: &Device, live: &Live, ways: &Ways, kind: ComputeKind, is_traced: bool) -> Result<Self> {
         let near = kind.near > 0.0;
         let ComputeKind { glossy, shadows, bounces, emitted, sky, weight, .. } = kind;
         // Neighbours in the list of caches lie in different directions.

@@ -7,7 +7,7 @@ use super::plan::Plan;
 use super::vals::Vals;
 use super::view::View;
 use crate::error::Result;
-use crate::gpu::{Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape};
+use crate::gpu::{Attachments, Bind, Blend, Cmd, Cull, Depth, Device, Format, Pipeline, Raster, Shape};
 use crate::shared::{ScreenPush, VAL_TILE, Val};
 use std::ops::Range;
 
@@ -23,7 +23,7 @@ impl BruteForce {
     ///
     /// # Errors
     /// Fails if the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
+    pub fn new(gpu: &Device, plan: &Plan) -> Result<Self> {
         let targets = [Format::R32G32B32A32_SFLOAT; 2];
         let pipeline = gpu.raster(&Raster {
             vertex: "screen.vert",

@@ -17,7 +17,7 @@ use super::sky_seen::SkyOfCaches;
 use super::visible::Visible;
 use super::world::World;
 use crate::error::Result;
-use crate::gpu::Gpu;
+use crate::gpu::Device;
 
 /// Caches in the world, the passes that light them, and the passes that carry their light to pixels.
 pub struct CacheLight {
@@ -60,7 +60,7 @@ pub(super) struct MadeOfCaches {
 impl CacheLight {
     /// Creates the stages for a world, this many VALs, RSMs with `rsm` texels a side, and this many eyes.
     pub(super) fn new(
-        gpu: &Gpu,
+        gpu: &Device,
         plan: &Plan,
         world: &World,
         settings: &settings::Caches,

@@ -8,7 +8,7 @@ use super::plan::Plan;
 use super::settings::{Antialiasing, Behind, Exposure, Look};
 use crate::error::Result;
 use crate::gpu::{
-    Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
+    Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Device, Format, Image, Pipeline, Raster, Shape, Use,
 };
 use crate::shared::{CompositePush, EXPOSURE_BINS};
 use glam::Vec4;
@@ -28,7 +28,7 @@ impl Output {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, [w, h]: [u32; 2]) -> Result<Self> {
+    pub fn new(gpu: &Device, [w, h]: [u32; 2]) -> Result<Self> {
         Ok(Self {
             picture: gpu.target("composite.output", Format::R8G8B8A8_SRGB, w, h)?,
             exposure: gpu.buffer("composite.exposure", 16)?,
@@ -96,7 +96,7 @@ impl Composite {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
+    pub fn new(gpu: &Device, plan: &Plan) -> Result<Self> {
         let points = plan.antialiasing.samples();
         let constants = [u32::from(plan.indirect()), u32::from(plan.indirect() && plan.glossy), points];
         Ok(Self {

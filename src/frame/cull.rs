@@ -13,7 +13,7 @@ use super::vals::Vals;
 use super::visible::VisibleList;
 use super::world::World;
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Blend, Buffer, Cmd, Depth, Gpu, Pipeline, Raster, Shape, Use};
+use crate::gpu::{Attach, Attachments, Blend, Buffer, Cmd, Depth, Device, Pipeline, Raster, Shape, Use};
 use crate::shared::{AtlasPush, TEXEL_CACHES, VisibleArgs};
 
 /// Finds the live caches.
@@ -35,7 +35,7 @@ impl Cull {
     ///
     /// # Errors
     /// Fails if the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, gather: &Gather, references: usize) -> Result<Self> {
+    pub fn new(gpu: &Device, gather: &Gather, references: usize) -> Result<Self> {
         assert!(references.is_multiple_of(2), "references are read in pairs");
         let (group, close_up) = match gather.live() {
             None => {

@@ -9,7 +9,7 @@ use super::near::CACHE_REACH;
 use super::occlude::Bounds;
 use super::world::World;
 use crate::error::{Error, Result};
-use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Bind, Buffer, Cmd, Device, Pipeline, Use};
 use crate::shared::{DEPTH_IMAGE_TEXELS, DepthImagePush, LiveArgs, OCCLUDER_GROUP, TracePush};
 use std::mem::offset_of;
 
@@ -51,7 +51,7 @@ enum Made {
 const AT_ONCE: u32 = (65_535 / (DEPTH_IMAGE_TEXELS + 1) - 1) / OCCLUDER_GROUP * OCCLUDER_GROUP;
 
 /// Whether shaders can read the images of this many caches from a texel buffer.
-pub(super) fn are_texels(gpu: &Gpu, caches: u32) -> bool {
+pub(super) fn are_texels(gpu: &Device, caches: u32) -> bool {
     u64::from(caches) * u64::from(DEPTH_IMAGE_TEXELS / 4) <= gpu.most_texels()
 }
 
@@ -65,7 +65,7 @@ impl DepthImages {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, caches: u32) -> Result<Self> {
+    pub fn new(gpu: &Device, caches: u32) -> Result<Self> {
         Self::with(gpu, caches, gpu.is_software())
     }
 
@@ -73,7 +73,7 @@ impl DepthImages {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn with(gpu: &Gpu, caches: u32, alone: bool) -> Result<Self> {
+    pub fn with(gpu: &Device, caches: u32, alone: bool) -> Result<Self> {
         let name = if alone { "depth_images_alone.comp" } else { "depth_images.comp" };
         let bytes = u64::from(caches.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
         let buffer = gpu.buffer("gather.depth_images", bytes)?;
@@ -86,7 +86,7 @@ impl DepthImages {
     ///
     /// # Errors
     /// As `new`. Also fails for a world without rays.
-    pub(super) fn traced(gpu: &Gpu, world: &World, send_on: bool) -> Result<Self> {
+    pub(super) fn traced(gpu: &Device, world: &World, send_on: bool) -> Result<Self> {
         let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
         let bytes = u64::from(world.cache_count.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
         let name = if send_on { "trace_images_sent_on.comp" } else { "trace_images.comp" };

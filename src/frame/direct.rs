@@ -11,7 +11,8 @@ use super::view::View;
 use super::world::{ByKind, LightInfo, VERTEX_PLACE, VERTEX_PLAIN, Which, World};
 use crate::error::Result;
 use crate::gpu::{
-    Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Draw, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
+    Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Device, Draw, Format, Image, Pipeline, Raster, Shape,
+    Use,
 };
 use crate::shared::{AreaPush, LightWork, ScreenPush};
 use glam::Vec4;
@@ -47,7 +48,7 @@ struct Maps {
 const MOST_KEPT: u64 = 512 << 20;
 
 impl Maps {
-    fn new(gpu: &Gpu, world: &World, side: u32, keep: bool) -> Result<Self> {
+    fn new(gpu: &Device, world: &World, side: u32, keep: bool) -> Result<Self> {
         let depth_only = Raster {
             vertex: "mesh_depth.vert",
             fragment: None,
@@ -111,7 +112,7 @@ impl Direct {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, world: &World, plan: &Plan, (side, keep): (u32, bool)) -> Result<Self> {
+    pub fn new(gpu: &Device, world: &World, plan: &Plan, (side, keep): (u32, bool)) -> Result<Self> {
         let used = |light: &&LightInfo| !(plan.sky_light && light.of_sky);
         let has = |area| world.lights().iter().filter(used).any(|light| light.is_area == area);
         let samples = plan.antialiasing.samples();

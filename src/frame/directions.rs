@@ -8,7 +8,7 @@ use super::depth_images::{DepthImages, are_texels, binds};
 use super::live::Live;
 use super::proxies::Lit;
 use crate::error::Result;
-use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline};
+use crate::gpu::{Bind, Buffer, Cmd, Device, Pipeline};
 use crate::shared::{DIRECTIONS, DirectionsPush, LiveArgs, VAL_TILE, Val};
 use std::mem::offset_of;
 
@@ -34,7 +34,7 @@ impl Directions {
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shader.
     pub(super) fn new(
-        gpu: &Gpu,
+        gpu: &Device,
         [caches, vals]: [u32; 2],
         [shadowed, bounces]: [bool; 2],
         near: f32,

@@ -14,8 +14,8 @@ use super::visible::VisibleList;
 use super::world::World;
 use crate::error::Result;
 use crate::gpu::{
-    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Pipeline, Raster, Shape,
-    Use,
+    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Device, Extent, Format, Image, ImageDesc, Pipeline, Raster,
+    Shape, Use,
 };
 use crate::shared::{EdgesPush, SHOWS_ANOTHER, SHOWS_AROUND, SHOWS_FIRST, SHOWS_SECOND};
 
@@ -59,7 +59,7 @@ impl Edges {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub(super) fn new(gpu: &Gpu, world: &World, plan: &Plan, size: [u32; 2]) -> Result<Option<Self>> {
+    pub(super) fn new(gpu: &Device, world: &World, plan: &Plan, size: [u32; 2]) -> Result<Option<Self>> {
         if plan.antialiasing == Antialiasing::Off {
             return Ok(None);
         }

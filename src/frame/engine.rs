@@ -9,7 +9,7 @@ use super::view::View;
 use super::world::World;
 use crate::bake::{BakeSettings, CacheSet, Density, bake_cached};
 use crate::error::{Error, Result};
-use crate::gpu::{Cmd, Gpu};
+use crate::gpu::{Cmd, Device};
 use crate::scene::defaults::{Ground, complete};
 use crate::scene::{Camera, Scene, gltf, tessellate};
 use std::path::Path;
@@ -116,7 +116,7 @@ impl Engine {
     ///
     /// # Errors
     /// As `World::new` and `Light::new`.
-    pub fn new(gpu: &Gpu, loaded: Loaded, settings: &Settings) -> Result<Self> {
+    pub fn new(gpu: &Device, loaded: Loaded, settings: &Settings) -> Result<Self> {
         let Loaded { scene, caches } = loaded;
         let world = World::new(gpu, &scene, caches.as_ref())?;
         let light = Light::new(gpu, &scene, &world, settings, 1)?;
@@ -160,7 +160,7 @@ impl Engine {
     /// Fails if models or instances change, since they need other caches: `scene` then has the change, but frames keep
     /// showing the old state until a job (`start`) or `load` provides the caches. Also fails if the device runs out of
     /// memory.
-    pub fn edit(&mut self, gpu: &Gpu, change: impl FnOnce(&mut Scene)) -> Result<()> {
+    pub fn edit(&mut self, gpu: &Device, change: impl FnOnce(&mut Scene)) -> Result<()> {
         let mut scene = self.scene.clone();
         // Avoids a copy unless a job or the caller still reads the scene.
         self.scene = Arc::default();
@@ -174,7 +174,7 @@ impl Engine {
     ///
     /// # Errors
     /// As `World::new`; then nothing has changed.
-    pub fn load(&mut self, gpu: &Gpu, loaded: Loaded) -> Result<()> {
+    pub fn load(&mut self, gpu: &Device, loaded: Loaded) -> Result<()> {
         self.world = World::new(gpu, &loaded.scene, loaded.caches.as_ref())?;
         self.scene = Arc::new(loaded.scene);
         Ok(())
@@ -197,7 +197,7 @@ impl Engine {
     ///
     /// # Errors
     /// Fails if the job failed or `load` fails; then nothing has changed.
-    pub fn poll(&mut self, gpu: &Gpu) -> Result<bool> {
+    pub fn poll(&mut self, gpu: &Device) -> Result<bool> {
         match self.job.take() {
             Some(job) if job.thread.is_finished() => self.take_over(gpu, job),
             job => {
@@ -211,14 +211,14 @@ impl Engine {
     ///
     /// # Errors
     /// As `poll`.
-    pub fn wait(&mut self, gpu: &Gpu) -> Result<bool> {
+    pub fn wait(&mut self, gpu: &Device) -> Result<bool> {
         match self.job.take() {
             Some(job) => self.take_over(gpu, job),
             None => Ok(false),
         }
     }
 
-    fn take_over(&mut self, gpu: &Gpu, job: Job) -> Result<bool> {
+    fn take_over(&mut self, gpu: &Device, job: Job) -> Result<bool> {
         let made = job.thread.join();
         let made = made.map_err(|_| Error::Nothing("a background job panicked; this is a bug of lightskin".into()))?;
         self.load(gpu, made?)?;
@@ -229,7 +229,7 @@ impl Engine {
     ///
     /// # Errors
     /// As `Picture::new`.
-    pub fn picture(&self, gpu: &Gpu, size: [u32; 2]) -> Result<Picture> {
+    pub fn picture(&self, gpu: &Device, size: [u32; 2]) -> Result<Picture> {
         Picture::new(gpu, &self.world, &self.light, size)
     }
 
@@ -239,7 +239,7 @@ impl Engine {
     /// # Errors
     /// Fails if the device cannot hold or support something. Parts that were not rebuilt before the error stay as they
     /// were.
-    pub fn fit(&mut self, gpu: &Gpu, pictures: &mut [(&mut Picture, [u32; 2])]) -> Result<()> {
+    pub fn fit(&mut self, gpu: &Device, pictures: &mut [(&mut Picture, [u32; 2])]) -> Result<()> {
         self.light.fit(gpu, &self.scene, &self.world, &self.settings, pictures.len())?;
         pictures.iter_mut().try_for_each(|(picture, size)| picture.fit(gpu, &self.world, &self.light, *size))
     }

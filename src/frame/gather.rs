@@ -20,7 +20,7 @@ use super::sums::{SumBinds, SumKind, sum_pipeline};
 use super::vals::Vals;
 use super::world::{LightInfo, World};
 use crate::error::Result;
-use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Buffer, Cmd, Device, Pipeline, Use};
 use crate::shared::{GATHER_THREADS, GatherPush, GlossySums};
 use glam::Vec4;
 
@@ -45,7 +45,7 @@ impl Gather {
     /// Creates the gather of a plan for a world's caches, this many VALs, RSMs with `rsm` texels a side, and this many
     /// eyes.
     pub(super) fn new(
-        gpu: &Gpu,
+        gpu: &Device,
         plan: &Plan,
         world: &World,
         way: &settings::Caches,
@@ -163,14 +163,14 @@ impl Compute {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, caches: u32, vals: u32, ways: &Ways, kind: ComputeKind) -> Result<Self> {
+    pub fn new(gpu: &Device, caches: u32, vals: u32, ways: &Ways, kind: ComputeKind) -> Result<Self> {
         let images = (kind.shadows == Shadows::PerLight).then(|| DepthImages::new(gpu, caches)).transpose()?;
         Self::with_images(gpu, [caches, vals], ways, kind, images)
     }
 
     /// Creates the gather with these depth images.
     fn with_images(
-        gpu: &Gpu,
+        gpu: &Device,
         [caches, vals]: [u32; 2],
         ways: &Ways,
         kind: ComputeKind,

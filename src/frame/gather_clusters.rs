@@ -11,7 +11,7 @@ use super::pyramid::Pyramid;
 use super::settings::ClusterRule;
 use super::world::World;
 use crate::error::Result;
-use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Bind, Buffer, Cmd, Device, Gpu, Pipeline, Use};
 use crate::shared::{CLUSTER_BOUND, CLUSTER_DISTANCE, CLUSTER_GROUP, ClusterPush, GatherPush, LiveArgs};
 use glam::Vec4;
 
@@ -59,7 +59,7 @@ impl Clusters {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, world: &World, rsm: u32, rule: ClusterRule, glossy: bool, dim: bool) -> Result<Self> {
+    pub fn new(gpu: &Device, world: &World, rsm: u32, rule: ClusterRule, glossy: bool, dim: bool) -> Result<Self> {
         let spread = u32::from(dim);
         let by_hand = u32::from(gpu.is_software());
         let walk = |glossy: bool, rule: u32| match gpu.voting_threads() {

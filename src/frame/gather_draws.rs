@@ -5,7 +5,8 @@ use super::proxies::Lit;
 use super::settings::{DrawSource, whole_tiles};
 use crate::error::{Error, Result};
 use crate::gpu::{
-    Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Format, Gpu, Image, Load, Pipeline, Raster, Shape, Use,
+    Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Device, Format, Image, Load, Pipeline, Raster, Shape,
+    Use,
 };
 use crate::shared::{ATLAS_COLUMNS, GatherPush, TEXEL_CACHES};
 
@@ -38,7 +39,7 @@ impl Draws {
     /// # Errors
     /// Fails if the device has fewer simultaneous colour targets than there are sums.
     pub fn new(
-        gpu: &Gpu,
+        gpu: &Device,
         caches: u32,
         glossy: bool,
         cull: bool,
@@ -92,7 +93,7 @@ impl Draws {
     }
 
     /// Whether the device has as many simultaneous colour targets as there are sums.
-    pub fn can(gpu: &Gpu) -> bool {
+    pub fn can(gpu: &Device) -> bool {
         gpu.most_color_targets() >= 4 * TEXEL_CACHES
     }
 

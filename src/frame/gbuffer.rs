@@ -7,7 +7,7 @@ use super::view::View;
 use super::world::{ByKind, VERTEX, VERTEX_PLACE, Which, World};
 use crate::error::Result;
 use crate::gpu::{
-    Attach, Attachments, Blend, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Pipeline, Raster, Shape,
+    Attach, Attachments, Blend, Cmd, Cull, Depth, Device, Extent, Format, Image, ImageDesc, Pipeline, Raster, Shape,
 };
 
 const FLOAT: Format = Format::R32G32B32A32_SFLOAT;
@@ -46,7 +46,7 @@ impl Surface {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, plan: &Plan, size: [u32; 2]) -> Result<Self> {
+    pub fn new(gpu: &Device, plan: &Plan, size: [u32; 2]) -> Result<Self> {
         let arrivals = plan.light_rays.then(|| Arrivals::new(gpu, "direct", size)).transpose()?;
         Ok(Self { arrivals, ..Self::unlit(gpu, plan, size)? })
     }
@@ -55,7 +55,7 @@ impl Surface {
     ///
     /// # Errors
     /// As `new`.
-    pub(super) fn unlit(gpu: &Gpu, plan: &Plan, size: [u32; 2]) -> Result<Self> {
+    pub(super) fn unlit(gpu: &Device, plan: &Plan, size: [u32; 2]) -> Result<Self> {
         let [w, h] = size;
         // Further points of a pixel write into the images.
         let storage = plan.antialiasing != Antialiasing::Off;
@@ -78,7 +78,7 @@ impl Surface {
     ///
     /// # Errors
     /// As `new`.
-    pub(super) fn written(gpu: &Gpu, plan: &Plan, size: [u32; 2]) -> Result<Self> {
+    pub(super) fn written(gpu: &Device, plan: &Plan, size: [u32; 2]) -> Result<Self> {
         let image = |name, format| gpu.image(&ImageDesc { name, format, size, extent: Extent::Plane, storage: true });
         Ok(Self {
             size,
@@ -98,7 +98,7 @@ impl Surface {
     ///
     /// # Errors
     /// Fails if the driver rejects the shaders.
-    pub(super) fn adding(gpu: &Gpu, fragment: &'static str, constants: &[u32]) -> Result<Pipeline> {
+    pub(super) fn adding(gpu: &Device, fragment: &'static str, constants: &[u32]) -> Result<Pipeline> {
         Self::adding_over(gpu, "screen.vert", fragment, constants)
     }
 
@@ -107,7 +107,7 @@ impl Surface {
     /// # Errors
     /// As `adding`.
     pub(super) fn adding_over(
-        gpu: &Gpu,
+        gpu: &Device,
         vertex: &'static str,
         fragment: &'static str,
         constants: &[u32],
@@ -146,13 +146,13 @@ fn targets(plan: &Plan, of_layer: Option<Format>) -> Vec<Format> {
 }
 
 /// Whether the vertex shader passes triangle numbers to pixels.
-fn pulls(gpu: &Gpu, plan: &Plan) -> bool {
+fn pulls(gpu: &Device, plan: &Plan) -> bool {
     plan.elements() && !gpu.numbers_triangles()
 }
 
 /// Creates pipelines that draw the nearest surfaces.
 fn surfaces(
-    (gpu, world): (&Gpu, &World),
+    (gpu, world): (&Device, &World),
     plan: &Plan,
     points: u32,
     fragment: &'static str,
@@ -189,7 +189,7 @@ impl GBuffer {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, world: &World, plan: &Plan, [width, height]: [u32; 2]) -> Result<Self> {
+    pub fn new(gpu: &Device, world: &World, plan: &Plan, [width, height]: [u32; 2]) -> Result<Self> {
         let name = match (plan.elements(), pulls(gpu, plan), plan.coated) {
             (false, _, false) => "gbuffer.frag",
             (false, _, true) => "gbuffer_coat.frag",
@@ -220,7 +220,7 @@ impl GBuffer {
     }
 
     /// Creates the pipelines for transparent layers.
-    pub(super) fn of_layers(gpu: &Gpu, world: &World, plan: &Plan) -> Result<ByKind> {
+    pub(super) fn of_layers(gpu: &Device, world: &World, plan: &Plan) -> Result<ByKind> {
         let name = match (plan.elements(), pulls(gpu, plan), plan.coated) {
             (false, _, false) => "layers.frag",
             (false, _, true) => "layers_coat.frag",

@@ -9,7 +9,7 @@ use super::settings::Near;
 use super::world::World;
 use crate::bake::closed::GAP;
 use crate::error::Result;
-use crate::gpu::{Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Cmd, Device, Pipeline, Use};
 use crate::shared::{DEPTH_IMAGE_ROW, HIDDEN_RAYS, HiddenPush};
 
 /// The pass that takes the normals of hidden caches: all their rays but one end in a gap or behind another surface.
@@ -24,7 +24,7 @@ impl HiddenCaches {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shader.
-    pub(super) fn new(gpu: &Gpu, world: &World, plan: &Plan) -> Result<Option<Self>> {
+    pub(super) fn new(gpu: &Device, world: &World, plan: &Plan) -> Result<Option<Self>> {
         let Some(rays) = world.rays().filter(|_| plan.near != Near::Off || plan.sky_light) else { return Ok(None) };
         let pipeline = gpu.compute("hidden_caches.comp", &rays.constants(gpu))?;
         Ok(Some(Self { pipeline, gap: (GAP * world.spacing()) as f32 }))

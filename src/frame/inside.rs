@@ -13,7 +13,7 @@ use super::view::View;
 use super::visible::VisibleList;
 use super::world::World;
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Bind, Buffer, Cmd, Format, Gpu, Image, Pipeline, Use};
+use crate::gpu::{Attach, Attachments, Bind, Buffer, Cmd, Device, Format, Image, Pipeline, Use};
 use crate::shared::{
     DIPOLE_THREADS, DipolePush, HOLLOW, INNER_RUN, InnerPush, InterpolatePush, ProxyDipole, VisibleArgs,
 };
@@ -29,7 +29,7 @@ pub struct Inside {
 }
 
 impl Inside {
-    pub(super) fn new(gpu: &Gpu, side: u32, count: u32) -> Result<Self> {
+    pub(super) fn new(gpu: &Device, side: u32, count: u32) -> Result<Self> {
         let dark = vec![0_u32; count as usize];
         Ok(Self {
             image: gpu.target("inside.entering", Format::R32G32B32A32_SFLOAT, side, side)?,
@@ -60,7 +60,7 @@ impl Dipoles {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub(super) fn new(gpu: &Gpu, plan: &Plan, world: &World) -> Result<Option<Self>> {
+    pub(super) fn new(gpu: &Device, plan: &Plan, world: &World) -> Result<Option<Self>> {
         if !plan.inside {
             return Ok(None);
         }
@@ -157,7 +157,7 @@ pub struct InsideBruteForce {
 }
 
 impl InsideBruteForce {
-    pub(super) fn new(gpu: &Gpu, plan: &Plan) -> Result<Option<Self>> {
+    pub(super) fn new(gpu: &Device, plan: &Plan) -> Result<Option<Self>> {
         let make = || Ok(Self { pipeline: Surface::adding(gpu, "scatter_brute_force.frag", &[])? });
         plan.inside.then(make).transpose()
     }

@@ -15,7 +15,7 @@ use super::visible::VisibleList;
 use super::world::World;
 use crate::error::Result;
 use crate::gpu::{
-    Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
+    Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Device, Format, Image, Pipeline, Raster, Shape, Use,
 };
 use crate::shared::{AveragePush, InterpolatePush, NearPush, VisibleArgs};
 
@@ -32,7 +32,7 @@ impl Radiance {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, plan: &Plan, [w, h]: [u32; 2]) -> Result<Self> {
+    pub fn new(gpu: &Device, plan: &Plan, [w, h]: [u32; 2]) -> Result<Self> {
         let float = Format::R32G32B32A32_SFLOAT;
         Ok(Self {
             diffuse: gpu.target("interpolate.diffuse", float, w, h)?,
@@ -75,7 +75,7 @@ impl Interpolate {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, plan: &Plan, world: &World, interpolation: settings::Interpolation) -> Result<Self> {
+    pub fn new(gpu: &Device, plan: &Plan, world: &World, interpolation: settings::Interpolation) -> Result<Self> {
         let targets = [Format::R32G32B32A32_SFLOAT; 2];
         let printed = u32::from(interpolation == settings::Interpolation::Printed);
         // With cells, every pixel reads this many references. Otherwise the vertices have done so.

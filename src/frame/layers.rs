@@ -10,7 +10,7 @@ use super::visible::VisibleList;
 use super::world::{ByKind, Which, World};
 use crate::error::Result;
 use crate::gpu::{
-    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
+    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Device, Format, Image, Pipeline, Raster, Shape, Use,
 };
 
 /// Transparent layers in front of the opaque surfaces.
@@ -41,7 +41,7 @@ impl Layers {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub(super) fn new(gpu: &Gpu, world: &World, light: &Light, size: [u32; 2]) -> Result<Option<Self>> {
+    pub(super) fn new(gpu: &Device, world: &World, light: &Light, size: [u32; 2]) -> Result<Option<Self>> {
         let plan = &light.plan;
         if plan.layers == 0 {
             return Ok(None);

@@ -13,7 +13,7 @@ use super::settings::{self, Settings};
 use super::vals::Vals;
 use super::world::World;
 use crate::error::Result;
-use crate::gpu::Gpu;
+use crate::gpu::{Device, Gpu};
 use crate::scene::Scene;
 
 /// Source of indirect light.
@@ -94,7 +94,7 @@ impl Light {
     /// # Errors
     /// Fails with the name of the limit if the device cannot hold or support something: see `Draws::new` and
     /// `Visible::new`.
-    pub fn new(gpu: &Gpu, scene: &Scene, world: &World, settings: &Settings, eyes: usize) -> Result<Self> {
+    pub fn new(gpu: &Device, scene: &Scene, world: &World, settings: &Settings, eyes: usize) -> Result<Self> {
         let plan = world.plan(settings);
         let (weight, side) = (settings.proxy_weight(), settings.rsm.max(1));
         let eyes = u32::try_from(eyes.max(1)).unwrap_or(u32::MAX);
@@ -146,7 +146,7 @@ impl Light {
     ///
     /// # Errors
     /// As `new`; then the light has not changed.
-    pub fn fit(&mut self, gpu: &Gpu, scene: &Scene, world: &World, settings: &Settings, eyes: usize) -> Result<()> {
+    pub fn fit(&mut self, gpu: &Device, scene: &Scene, world: &World, settings: &Settings, eyes: usize) -> Result<()> {
         // With shadow maps, `reuse` changes how many maps are allocated.
         let reuse = if self.plan.direct && !self.plan.light_rays { self.settings.reuse } else { settings.reuse };
         let same = Settings { reuse, ..self.settings } == *settings;

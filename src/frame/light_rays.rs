@@ -8,7 +8,7 @@ use super::plan::Plan;
 use super::view::View;
 use super::world::{LightInfo, World};
 use crate::error::{Error, Result};
-use crate::gpu::{Bind, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Bind, Cmd, Device, Pipeline, Use};
 use crate::shared::LightRaysPush;
 
 /// Traces rays from pixels to lights.
@@ -36,7 +36,7 @@ impl LightRays {
     ///
     /// # Errors
     /// Fails if the world has no rays or the driver rejects the shaders.
-    pub(super) fn new(gpu: &Gpu, world: &World, plan: &Plan) -> Result<Self> {
+    pub(super) fn new(gpu: &Device, world: &World, plan: &Plan) -> Result<Self> {
         let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
         let [stack, levels, texels, holes] = rays.constants(gpu);
         let samples = plan.antialiasing.samples();

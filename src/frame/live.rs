@@ -1,7 +1,7 @@
 //! The list of caches that a gather lights: those that visible surfaces need, or all. METHOD 9.
 
 use crate::error::Result;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Device, Gpu};
 use crate::shared::{DEPTH_IMAGE_ROW, GatherSums, LiveArgs, PACK_BLOCK, VAL_TILE};
 
 /// The list that a gather processes. Its items are caches or, in the cluster path, groups of consecutive caches. A
@@ -59,7 +59,7 @@ pub(super) fn parts_of(lights: u32, split: u32) -> u32 {
 }
 
 /// Creates a buffer for this many parts of the sums of all caches.
-pub(super) fn new_parts(gpu: &Gpu, caches: u32, parts: u32) -> Result<Buffer> {
+pub(super) fn new_parts(gpu: &Device, caches: u32, parts: u32) -> Result<Buffer> {
     gpu.buffer("gather.parts", u64::from(caches.max(1)) * size_of::<GatherSums>() as u64 * u64::from(parts))
 }
 
@@ -68,7 +68,7 @@ impl Live {
     ///
     /// # Errors
     /// Fails if the device runs out of memory.
-    pub fn new(gpu: &Gpu, items: Items) -> Result<Self> {
+    pub fn new(gpu: &Device, items: Items) -> Result<Self> {
         let Items { caches, group, per_workgroup, lights, split } = items;
         let (count, room) = (caches.div_ceil(group), caches.max(1).div_ceil(group));
         Ok(Self {

@@ -10,7 +10,7 @@ use super::settings::Near;
 use super::view::View;
 use super::world::World;
 use crate::error::{Error, Result};
-use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Bind, Buffer, Cmd, Device, Pipeline, Use};
 use crate::shared::{NEAR_SIDE, NearFilterPush, NearLight, NearPixel, NearSpreadPush, TracePush};
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -81,7 +81,7 @@ const SHADERS: [&str; 8] = [
 const _: () = assert!(size_of::<NearPixel>() == 8 * 16 && size_of::<NearLight>() == 6 * 16);
 
 /// Specialization constant of shaders that read results of rays, of pictures of any size: 1 to read them as texels.
-pub(super) fn as_texels(gpu: &Gpu) -> u32 {
+pub(super) fn as_texels(gpu: &Device) -> u32 {
     u32::from(gpu.reads_texels(gpu.most_buffer_bytes()))
 }
 
@@ -90,7 +90,7 @@ impl NearRays {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shader.
-    pub(super) fn new(gpu: &Gpu, world: &World, plan: &Plan) -> Result<Option<Self>> {
+    pub(super) fn new(gpu: &Device, world: &World, plan: &Plan) -> Result<Option<Self>> {
         let near = plan.near;
         if near == Near::Off {
             return Ok(None);
@@ -202,7 +202,7 @@ impl NearPixels {
     ///
     /// # Errors
     /// Fails if the device runs out of memory.
-    pub(super) fn new(gpu: &Gpu, rays: &NearRays, size: [u32; 2]) -> Result<Self> {
+    pub(super) fn new(gpu: &Device, rays: &NearRays, size: [u32; 2]) -> Result<Self> {
         let size = size.map(|side| side.div_ceil(rays.every));
         let count = u64::from(size[0]) * u64::from(size[1]);
         Ok(Self {

@@ -7,7 +7,7 @@ use super::atlas::Atlas;
 use super::live::Live;
 use super::proxies::Proxies;
 use crate::error::Result;
-use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Buffer, Cmd, Device, Pipeline, Use};
 use crate::shared::{CLUSTER_GROUP, OCCLUDE_PARTS, OCCLUDER_GROUP, OccludePush, OccluderGroup};
 
 /// Bounds of groups of consecutive caches. Stage 7 and the drawing of depth images use them to skip whole groups.
@@ -22,7 +22,7 @@ impl Bounds {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, caches: u32) -> Result<Self> {
+    pub fn new(gpu: &Device, caches: u32) -> Result<Self> {
         let groups = u64::from(caches.div_ceil(OCCLUDER_GROUP).max(1));
         let groups = gpu.buffer("occlude.groups", groups * size_of::<OccluderGroup>() as u64)?;
         Ok(Self { groups, pipeline: gpu.compute("occluder_groups.comp", &[])? })
@@ -55,7 +55,7 @@ impl Occlude {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, caches: u32, glossy: bool, group: u32) -> Result<Self> {
+    pub fn new(gpu: &Device, caches: u32, glossy: bool, group: u32) -> Result<Self> {
         Self::made(gpu, caches, glossy, group, true)
     }
 
@@ -63,11 +63,11 @@ impl Occlude {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn without_skipping(gpu: &Gpu, caches: u32, glossy: bool, group: u32) -> Result<Self> {
+    pub fn without_skipping(gpu: &Device, caches: u32, glossy: bool, group: u32) -> Result<Self> {
         Self::made(gpu, caches, glossy, group, false)
     }
 
-    fn made(gpu: &Gpu, caches: u32, glossy: bool, group: u32, skip: bool) -> Result<Self> {
+    fn made(gpu: &Device, caches: u32, glossy: bool, group: u32, skip: bool) -> Result<Self> {
         let dim = if group == 0 { "occlude_all.comp" } else { "occlude.comp" };
         let dim = gpu.compute(dim, &[glossy.into(), group, skip.into()])?;
         Ok(Self { bounds: Bounds::new(gpu, caches)?, skip, dim })

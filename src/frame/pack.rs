@@ -3,7 +3,7 @@
 use super::live::Live;
 use super::vals::Vals;
 use crate::error::Result;
-use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Buffer, Cmd, Device, Pipeline, Use};
 use crate::shared::{PACK_BLOCK, PACK_THREADS, PackPush};
 
 /// Maximum number of items that one workgroup compacts in a single pass. On a software device a second pass costs more
@@ -23,7 +23,7 @@ impl PackVals {
     ///
     /// # Errors
     /// Fails if the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, lights_all: bool) -> Result<Self> {
+    pub fn new(gpu: &Device, lights_all: bool) -> Result<Self> {
         let place = if lights_all { "pack_vals_args.comp" } else { "pack_vals.comp" };
         Ok(Self { count: gpu.compute("count_flags.comp", &[])?, place: gpu.compute(place, &[])?, lights_all })
     }
@@ -60,7 +60,7 @@ impl PackCaches {
     ///
     /// # Errors
     /// Fails if the driver rejects the shaders.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
+    pub fn new(gpu: &Device) -> Result<Self> {
         Ok(Self { count: gpu.compute("count_flags.comp", &[])?, place: gpu.compute("pack_caches.comp", &[])? })
     }
 

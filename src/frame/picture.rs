@@ -15,7 +15,7 @@ use super::view::View;
 use super::visible::VisibleList;
 use super::world::World;
 use crate::error::Result;
-use crate::gpu::Gpu;
+use crate::gpu::Device;
 use glam::Vec4;
 
 /// Images of one view, and the passes that belong to it.
@@ -72,7 +72,7 @@ impl Picture {
     ///
     /// # Errors
     /// Fails if the size exceeds the device's limits or the device runs out of memory.
-    pub fn new(gpu: &Gpu, world: &World, light: &Light, size: [u32; 2]) -> Result<Self> {
+    pub fn new(gpu: &Device, world: &World, light: &Light, size: [u32; 2]) -> Result<Self> {
         let (plan, images) = (light.plan, size.map(|side| side.max(1)));
         Ok(Self {
             surface: Surface::new(gpu, &plan, images)?,
@@ -99,7 +99,7 @@ impl Picture {
     ///
     /// # Errors
     /// As `new`; then the picture has not changed.
-    pub fn fit(&mut self, gpu: &Gpu, world: &World, light: &Light, size: [u32; 2]) -> Result<()> {
+    pub fn fit(&mut self, gpu: &Device, world: &World, light: &Light, size: [u32; 2]) -> Result<()> {
         if self.size != size || !self.fits(world, light) {
             *self = Self::new(gpu, world, light, size)?;
         }

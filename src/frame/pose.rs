@@ -5,7 +5,7 @@
 use super::world::World;
 use super::world::deform::Blocks;
 use crate::error::Result;
-use crate::gpu::{Bind, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Bind, Cmd, Device, Pipeline, Use};
 use crate::shared::{DEFORM_ROW, DeformPush};
 
 /// Vertices, or followers, per workgroup.
@@ -22,7 +22,7 @@ impl Poses {
     ///
     /// # Errors
     /// Fails if the driver rejects the shaders.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
+    pub fn new(gpu: &Device) -> Result<Self> {
         Ok(Self { deform: gpu.compute("deform.comp", &[])?, follow: gpu.compute("follow.comp", &[])? })
     }
 

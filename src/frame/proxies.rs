@@ -3,7 +3,7 @@
 use super::atlas::Atlas;
 use super::vals::Vals;
 use crate::error::Result;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Device};
 use crate::shared::Proxy;
 use glam::Vec4;
 
@@ -23,7 +23,7 @@ impl Proxies {
     ///
     /// # Errors
     /// Fails if the device runs out of memory.
-    pub fn new(gpu: &Gpu, count: u32, glossy: bool, eyes: u32) -> Result<Self> {
+    pub fn new(gpu: &Device, count: u32, glossy: bool, eyes: u32) -> Result<Self> {
         let runs = if glossy { eyes.max(1) } else { 1 };
         let buffer = gpu.buffer_from("gather.proxies", &vec![Proxy::default(); (count.max(1) * runs) as usize])?;
         Ok(Self { buffer, count, runs })

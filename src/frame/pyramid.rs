@@ -4,7 +4,7 @@
 use super::vals::Vals;
 use super::world::World;
 use crate::error::Result;
-use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Buffer, Cmd, Device, Pipeline, Use};
 use crate::shared::{ClusterNode, ClusterView, PyramidPush};
 
 /// Builds the pyramids over the VALs of every view of every light.
@@ -27,7 +27,7 @@ impl Pyramid {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
-    pub fn new(gpu: &Gpu, world: &World, rsm: u32) -> Result<Self> {
+    pub fn new(gpu: &Device, world: &World, rsm: u32) -> Result<Self> {
         let (views, node_count) = layout(world, rsm);
         let largest = views.iter().map(|v| [v.size, v.levels]).max().unwrap_or_default();
         let bytes = u64::from(node_count.max(1)) * size_of::<ClusterNode>() as u64;

@@ -2,7 +2,7 @@
 
 use super::world::World;
 use crate::error::Result;
-use crate::gpu::{Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Cmd, Device, Pipeline, Use};
 use crate::shared::{DEFORM_ROW, RefitPush};
 
 /// Nodes per workgroup.
@@ -16,7 +16,7 @@ impl Refit {
     ///
     /// # Errors
     /// Fails if the driver rejects the shader.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
+    pub fn new(gpu: &Device) -> Result<Self> {
         Ok(Self(gpu.compute("refit.comp", &[])?))
     }
 

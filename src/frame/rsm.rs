@@ -10,7 +10,7 @@ use super::vals::Vals;
 use super::world::{ByKind, LightInfo, VERTEX_PLAIN, Which, World};
 use crate::error::{Error, Result};
 use crate::gpu::{
-    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
+    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Device, Format, Image, Pipeline, Raster, Shape, Use,
 };
 use crate::shared::{AREA_VALS_ROW, AreaValsPush, Val, ValPush};
 
@@ -51,7 +51,7 @@ impl Rsm {
     /// # Errors
     /// Fails if there are more VALs than can be numbered.
     pub fn new(
-        gpu: &Gpu,
+        gpu: &Device,
         world: &World,
         side: u32,
         weight: ProxyWeight,

@@ -10,7 +10,7 @@ use super::settings::Near;
 use super::view::View;
 use super::world::{SkyLight, World};
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Bind, Buffer, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Attach, Attachments, Bind, Buffer, Cmd, Device, Pipeline, Use};
 use crate::shared::{InterpolatePush, NearPush};
 
 /// Adds the light of the sky to direct light.
@@ -25,7 +25,7 @@ impl SkyShading {
     ///
     /// # Errors
     /// Fails if the driver rejects the shaders.
-    pub(super) fn new(gpu: &Gpu, plan: &Plan, world: &World) -> Result<Option<Self>> {
+    pub(super) fn new(gpu: &Device, plan: &Plan, world: &World) -> Result<Option<Self>> {
         if !plan.sky_light {
             return Ok(None);
         }

@@ -11,7 +11,7 @@ use super::plan::Plan;
 use super::settings::Near;
 use super::world::{SkyLight, World};
 use crate::error::{Error, Result};
-use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Bind, Buffer, Cmd, Device, Pipeline, Use};
 use crate::shared::{DEPTH_IMAGE_ROW, DIRECTIONS, SkySeen, SkySeenPush};
 
 /// The sky as caches see it, and the pass that computes it.
@@ -31,7 +31,7 @@ impl SkyOfCaches {
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shader.
-    pub(super) fn new(gpu: &Gpu, world: &World, plan: &Plan, sent_on: Option<&SentOn>) -> Result<Option<Self>> {
+    pub(super) fn new(gpu: &Device, world: &World, plan: &Plan, sent_on: Option<&SentOn>) -> Result<Option<Self>> {
         if !plan.sky_light {
             return Ok(None);
         }

@@ -5,7 +5,7 @@ use super::depth_images::binds;
 use super::live::Live;
 use super::settings::{ProxyWeight, Shadows, Ways};
 use crate::error::Result;
-use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline};
+use crate::gpu::{Bind, Buffer, Cmd, Device, Pipeline};
 
 /// Configuration of a compute gather.
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +57,7 @@ pub(super) struct SumKind {
 }
 
 /// Creates the pipeline that sums VALs.
-pub(super) fn sum_pipeline(gpu: &Gpu, ways: &Ways, kind: SumKind) -> Result<Pipeline> {
+pub(super) fn sum_pipeline(gpu: &Device, ways: &Ways, kind: SumKind) -> Result<Pipeline> {
     let spread = u32::from(kind.shadows == Shadows::Proxy);
     let by_hand = u32::from(gpu.is_software());
     let (glossy, near) = (u32::from(kind.glossy), u32::from(kind.near));

@@ -2,7 +2,7 @@
 
 use super::settings::ProxyWeight;
 use crate::error::Result;
-use crate::gpu::{Buffer, Cmd, Gpu};
+use crate::gpu::{Buffer, Cmd, Device};
 use crate::shared::{PACK_BLOCK, VAL_TILE, Val};
 use glam::Vec3;
 
@@ -26,7 +26,7 @@ pub struct Vals {
 
 impl Vals {
     /// Creates buffers for this many VALs, named after the stage that writes them.
-    pub(super) fn new(gpu: &Gpu, stage: &str, count: u32) -> Result<Self> {
+    pub(super) fn new(gpu: &Device, stage: &str, count: u32) -> Result<Self> {
         let bytes = |count: u32| u64::from(count) * size_of::<Val>() as u64;
         Ok(Self {
             all: gpu.buffer(&format!("{stage}.vals"), bytes(count))?,
@@ -40,7 +40,7 @@ impl Vals {
     }
 
     /// Creates `count` VALs, of which the last are given. Only `update` changes these.
-    pub(super) fn with(gpu: &Gpu, count: u32, last: &[Val], weight: ProxyWeight) -> Result<Self> {
+    pub(super) fn with(gpu: &Device, count: u32, last: &[Val], weight: ProxyWeight) -> Result<Self> {
         let made = Self::new(gpu, "rsm", count)?;
         if last.is_empty() {
             return Ok(made);
@@ -80,7 +80,7 @@ impl Vals {
     ///
     /// # Errors
     /// Fails if the device runs out of memory.
-    pub fn of(gpu: &Gpu, vals: &[Val]) -> Result<Self> {
+    pub fn of(gpu: &Device, vals: &[Val]) -> Result<Self> {
         let mut padded = vals.to_vec();
         padded.resize(vals.len().next_multiple_of(VAL_TILE as usize), Val { area: 1.0, ..Val::default() });
         let count = vals.len() as u32;

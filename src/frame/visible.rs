@@ -5,7 +5,7 @@ use super::plan::Plan;
 use super::view::View;
 use super::world::World;
 use crate::error::Result;
-use crate::gpu::{Buffer, Cmd, Gpu, Image, Pipeline, Use};
+use crate::gpu::{Buffer, Cmd, Device, Image, Pipeline, Use};
 use crate::shared::{VertexLight, VisibleArgs, VisibleCellsPush, VisiblePush, VisibleVertex};
 use glam::Vec3;
 use std::cell::Cell;
@@ -37,7 +37,7 @@ impl VisibleList {
     ///
     /// # Errors
     /// Fails if the device runs out of memory.
-    pub fn new(gpu: &Gpu, world: &World, plan: &Plan, [w, h]: [u32; 2]) -> Result<Self> {
+    pub fn new(gpu: &Device, world: &World, plan: &Plan, [w, h]: [u32; 2]) -> Result<Self> {
         let all = u64::from(world.slot_count.max(1));
         let pixels = u64::from(w) * u64::from(h);
         let by_cells = world.cells.is_some();
@@ -73,7 +73,7 @@ impl Visible {
     ///
     /// # Errors
     /// Fails if the driver rejects the shaders.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
+    pub fn new(gpu: &Device) -> Result<Self> {
         Ok(Self { vertices: gpu.compute("visible.comp", &[])?, cells: gpu.compute("visible_cells.comp", &[])? })
     }
 

@@ -3,7 +3,7 @@
 use super::device::Shared;
 use super::graveyard::Remains;
 use super::registry::ResourceKind;
-use super::{Gpu, vulkan};
+use super::{Device, Gpu, vulkan};
 use crate::error::Result;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -44,7 +44,7 @@ const BUFFER_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
         | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
 );
 
-impl Gpu {
+impl Device {
     /// A device-local buffer with undefined content.
     ///
     /// # Errors
@@ -77,36 +77,19 @@ impl Gpu {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let buffer = self.buffer(name, bytes.len().max(16) as u64)?;
         if !bytes.is_empty() {
-            let mut staging = self.host_buffer("upload", bytes.len() as u64)?;
-            staging.write(0, bytes);
-            self.run_once("upload", |cmd| cmd.copy_buffer(&staging, &buffer, bytes.len() as u64))?;
+            self.upload_to_buffer(&buffer, bytes)?;
         }
         Ok(buffer)
     }
 
-    /// Reads a whole buffer back; waits for the device.
-    ///
-    /// # Errors
-    /// Fails if the device is lost, or there is no memory to read into.
-    pub fn read<T: bytemuck::Pod>(&self, buffer: &Buffer) -> Result<Vec<T>> {
-        let mut back = self.readback_buffer("readback", buffer.held)?;
-        self.run_once("readback", |cmd| cmd.copy_buffer(buffer, &back, buffer.held))?;
-        Ok(bytemuck::pod_collect_to_vec(back.bytes()))
-    }
-
     fn make_buffer(&self, name: &str, size: u64, location: MemoryLocation) -> Result<Buffer> {
-        let device = &self.shared.device;
         if size > self.shared.max_buffer_size {
             return Err(self.too_large(format!("buffer {name} needs {size} bytes"), self.shared.max_buffer_size));
         }
-        let info = vk::BufferCreateInfo::default().size(size.max(4)).usage(BUFFER_USAGE);
-        let what = || format!("buffer {name}, {size} bytes");
-        // SAFETY: the device is alive; the handle is destroyed in `Drop`.
-        let handle = unsafe { device.create_buffer(&info, None) }.map_err(vulkan(what()))?;
-        self.shared.name(handle, name);
-        let mut buffer = Buffer {
+        let (handle, allocation) = self.shared.raw_buffer(name, size.max(4), location)?;
+        let buffer = Buffer {
             shared: self.shared.clone(),
-            allocation: None,
+            allocation: Some(allocation),
             handle,
             texels: OnceCell::new(),
             id: self.shared.new_id(),
@@ -116,13 +99,6 @@ impl Gpu {
             host: location != MemoryLocation::GpuOnly,
             used: AtomicU64::new(0),
         };
-        // SAFETY: plain query of a live buffer.
-        let requirements = unsafe { device.get_buffer_memory_requirements(handle) };
-        let allocation = self.shared.allocate(name, requirements, location, true)?;
-        // SAFETY: fresh memory of the right kind and size; bound once.
-        unsafe { device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) }
-            .map_err(vulkan(what()))?;
-        buffer.allocation = Some(allocation);
         let kind = if buffer.host { ResourceKind::HostBuffer } else { ResourceKind::Buffer };
         self.shared.register(buffer.id, name, kind, buffer.size);
         Ok(buffer)
@@ -146,6 +122,52 @@ impl Gpu {
         let view = unsafe { self.shared.device.create_buffer_view(&info, None) }.map_err(vulkan("texel buffer"))?;
         self.shared.name(view, &buffer.name);
         Ok(*buffer.texels.get_or_init(|| view))
+    }
+}
+
+impl Gpu {
+    /// Reads a whole buffer back; waits for the device.
+    ///
+    /// # Errors
+    /// Fails if the device is lost, or there is no memory to read into.
+    pub fn read<T: bytemuck::Pod>(&self, buffer: &Buffer) -> Result<Vec<T>> {
+        let mut back = self.readback_buffer("readback", buffer.held)?;
+        self.run_once("readback", |cmd| cmd.copy_buffer(buffer, &back, buffer.held))?;
+        Ok(bytemuck::pod_collect_to_vec(back.bytes()))
+    }
+}
+
+impl Shared {
+    /// A buffer with its memory, which the caller destroys.
+    pub(super) fn raw_buffer(
+        &self,
+        name: &str,
+        size: u64,
+        location: MemoryLocation,
+    ) -> Result<(vk::Buffer, Allocation)> {
+        let what = || format!("buffer {name}, {size} bytes");
+        let info = vk::BufferCreateInfo::default().size(size).usage(BUFFER_USAGE);
+        // SAFETY: the device is alive.
+        let handle = unsafe { self.device.create_buffer(&info, None) }.map_err(vulkan(what()))?;
+        self.name(handle, name);
+        // SAFETY: plain query of a live buffer.
+        let requirements = unsafe { self.device.get_buffer_memory_requirements(handle) };
+        let bound = self.allocate(name, requirements, location, true).and_then(|memory| {
+            // SAFETY: fresh memory of the right kind and size; bound once.
+            let bound = unsafe { self.device.bind_buffer_memory(handle, memory.memory(), memory.offset()) };
+            match bound {
+                Ok(()) => Ok(memory),
+                Err(result) => {
+                    self.free(Some(memory));
+                    Err(vulkan(what())(result))
+                }
+            }
+        });
+        if bound.is_err() {
+            // SAFETY: nothing has used the buffer.
+            unsafe { self.device.destroy_buffer(handle, None) };
+        }
+        Ok((handle, bound?))
     }
 }
 

@@ -65,8 +65,7 @@ impl<'g> Cmd<'g> {
 
     pub(super) fn begin(&self) -> Result<()> {
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // Commands being recorded may refer to resources that are dropped from here on.
-        self.gpu.shared.recording.store(true, Ordering::SeqCst);
+        self.gpu.shared.begin_recording();
         // SAFETY: the buffer's last use is done; its pool allows resetting by beginning.
         unsafe { self.gpu.shared.device.begin_command_buffer(self.buffer, &info) }
             .map_err(vulkan("beginning a frame"))?;
@@ -110,21 +109,26 @@ impl<'g> Cmd<'g> {
         Ok(value)
     }
 
-    /// Transitions images created since the last submission to layout GENERAL, if there are any.
+    /// Transitions images created since the last submission to layout GENERAL, and copies the content of new buffers and
+    /// textures, if there are any.
     fn prologue(&self) -> Result<Option<vk::CommandBuffer>> {
-        let fresh = self.gpu.shared.fresh();
-        if fresh.is_empty() {
+        let shared = &self.gpu.shared;
+        // A texture's content is registered after its image, so this never takes one without the other.
+        let copies = shared.new_content();
+        let fresh = shared.fresh();
+        if fresh.is_empty() && copies.is_empty() {
             return Ok(None);
         }
-        let (device, prologue) = (&self.gpu.shared.device, self.slot.borrow().prologue);
+        let (device, prologue) = (&shared.device, self.slot.borrow().prologue);
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         let barriers = vk::DependencyInfo::default().image_memory_barriers(&fresh);
-        // SAFETY: the prologue's last use ended with that of `self.buffer`; the images live until this submission is
-        // done.
+        // SAFETY: the prologue's last use ended with that of `self.buffer`; images and buffers live until this submission
+        // is done.
         unsafe {
-            device.begin_command_buffer(prologue, &begin).map_err(vulkan("beginning new images"))?;
+            device.begin_command_buffer(prologue, &begin).map_err(vulkan("beginning uploads"))?;
             device.cmd_pipeline_barrier2(prologue, &barriers);
-            device.end_command_buffer(prologue).map_err(vulkan("ending new images"))?;
+            shared.copy_new(prologue, &copies);
+            device.end_command_buffer(prologue).map_err(vulkan("ending uploads"))?;
         }
         Ok(Some(prologue))
     }
@@ -317,8 +321,7 @@ impl Drop for Cmd<'_> {
             };
             log::debug!("a frame was abandoned: {reset:?}");
         }
-        // After the submission has been counted, so that resources dropped in between are kept long enough.
-        self.gpu.shared.recording.store(false, Ordering::SeqCst);
+        self.gpu.shared.end_recording();
     }
 }
 

@@ -129,37 +129,10 @@ impl Cmd<'_> {
         // transfer usage as target.
         unsafe { device.cmd_copy_image(self.buffer, from.handle, general, to.handle, general, &regions) };
     }
-
-    /// Fills all levels of a new texture from a buffer that holds them one after the other.
-    pub(crate) fn copy_buffer_to_texture(&self, from: &Buffer, to: &Image) {
-        if self.failed() {
-            return;
-        }
-        self.touch_buffer(from, Use::CopyRead);
-        self.touch_image(to, Use::CopyWrite);
-        let mut offset = 0;
-        let regions: Vec<_> = (0..to.made.mips)
-            .map(|mip| {
-                let here = region(to, mip, offset);
-                offset += to.made.level_bytes(mip);
-                here
-            })
-            .collect();
-        // SAFETY: the buffer holds all levels; the image is in GENERAL since the submission began.
-        unsafe {
-            self.gpu.shared.device.cmd_copy_buffer_to_image(
-                self.buffer,
-                from.handle,
-                to.handle,
-                vk::ImageLayout::GENERAL,
-                &regions,
-            );
-        }
-    }
 }
 
 /// One level with all layers, tightly packed at an offset in a buffer.
-fn region(image: &Image, mip: u32, offset: u64) -> vk::BufferImageCopy {
+pub(super) fn region(image: &Image, mip: u32, offset: u64) -> vk::BufferImageCopy {
     vk::BufferImageCopy {
         buffer_offset: offset,
         buffer_row_length: 0,

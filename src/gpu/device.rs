@@ -16,11 +16,12 @@ use super::vulkan;
 use crate::error::{Error, Result};
 use ash::{ext, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
-use std::cell::{Cell, RefCell};
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::ffi::c_char;
+use std::ops::Deref;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// How to open a device.
 #[derive(Clone, Debug, Default)]
@@ -91,22 +92,28 @@ pub(crate) struct Shared {
     pub(super) instance: Instance,
 }
 
-/// An open device, from which everything else is created. One thread records at a time (the type is not `Sync`).
-pub struct Gpu {
-    pub(crate) ring: Ring,
-    pub(super) pipelines: RefCell<Pipelines>,
-    pub(super) layouts: RefCell<Layouts>,
-    pub(super) times_shaders: Cell<bool>,
+/// An open device, from which buffers, images and pipelines are created: on any thread, also while another one records
+/// a frame.
+pub struct Device {
+    pub(super) pipelines: Mutex<Pipelines>,
+    pub(super) layouts: Mutex<Layouts>,
     pub(super) disk: Disk,
-    pub(crate) samplers: RefCell<HashMap<super::SamplerKind, vk::Sampler>>,
-    pub(crate) queue: vk::Queue,
-    pub(crate) clock: Clock,
-    pub(crate) check_barriers: bool,
+    pub(crate) samplers: Mutex<HashMap<super::SamplerKind, vk::Sampler>>,
     numbers_triangles: bool,
     most_texels: u64,
     voting_threads: Option<u32>,
     report: DeviceReport,
     pub(crate) shared: Arc<Shared>,
+}
+
+/// A device with its queue and its frames. One thread records at a time (the type is not `Sync`).
+pub struct Gpu {
+    pub(crate) ring: Ring,
+    pub(super) times_shaders: Cell<bool>,
+    pub(crate) queue: vk::Queue,
+    pub(crate) clock: Clock,
+    pub(crate) check_barriers: bool,
+    device: Arc<Device>,
 }
 
 /// Maximum number of frames in flight: the CPU writes one while the GPU draws the other.
@@ -116,6 +123,17 @@ impl Shared {
     /// A new identity for a resource. Unlike a handle, it is never reused.
     pub(crate) fn new_id(&self) -> u64 {
         self.next_id.fetch_add(1, Ordering::Relaxed)
+    }
+
+    /// Called before commands are recorded: they may refer to resources that are dropped from here on.
+    pub(super) fn begin_recording(&self) {
+        self.recording.store(true, Ordering::SeqCst);
+    }
+
+    /// Called after the submission of recorded commands has been counted, so that resources dropped in between are kept
+    /// long enough.
+    pub(super) fn end_recording(&self) {
+        self.recording.store(false, Ordering::SeqCst);
     }
 
     /// Waits until all submissions are complete. Objects destroyed afterwards are not in use.
@@ -304,24 +322,82 @@ impl Gpu {
             report.driver,
             report.api
         );
-        Ok(Self {
-            ring: Ring::new(&shared)?,
-            pipelines: RefCell::default(),
-            layouts: RefCell::default(),
-            times_shaders: Cell::new(false),
+        let device = Device {
+            pipelines: Mutex::default(),
+            layouts: Mutex::default(),
             disk: Disk::open(&shared, &properties),
-            samplers: RefCell::default(),
-            queue,
-            clock: Clock { period_ns: f64::from(limits.timestamp_period), bits: timestamp_bits.min(64) },
+            samplers: Mutex::default(),
             numbers_triangles: geometry_shader,
             most_texels: limits.max_texel_buffer_elements.into(),
             voting_threads,
-            check_barriers,
             report,
-            shared,
+            shared: shared.clone(),
+        };
+        Ok(Self {
+            ring: Ring::new(&shared)?,
+            times_shaders: Cell::new(false),
+            queue,
+            clock: Clock { period_ns: f64::from(limits.timestamp_period), bits: timestamp_bits.min(64) },
+            check_barriers,
+            device: Arc::new(device),
         })
     }
 
+    /// The device, for another thread that creates resources.
+    pub fn device(&self) -> &Arc<Device> {
+        &self.device
+    }
+
+    /// The device before anything was created from it, for tests that take abilities away.
+    fn untouched(&mut self) -> &mut Device {
+        Arc::get_mut(&mut self.device).expect("no other thread has the device yet")
+    }
+
+    /// Makes the device act as if its fragment shaders did not know their triangle; for tests.
+    pub fn without_triangle_numbers(mut self) -> Self {
+        self.untouched().numbers_triangles = false;
+        self
+    }
+
+    /// Gives every dispatch its own zone from now on, named after its shader. Not in frames whose zones are submitted
+    /// separately.
+    pub fn time_shaders(&self) {
+        self.times_shaders.set(true);
+    }
+
+    /// Limits texel buffers to the size that every device allows; for tests.
+    pub fn with_few_texels(mut self) -> Self {
+        self.untouched().most_texels = 65_536;
+        self
+    }
+
+    /// Makes the device act as if its subgroups could not vote, as on some devices; for tests.
+    pub fn without_votes(mut self) -> Self {
+        self.untouched().voting_threads = None;
+        self
+    }
+
+    /// Whether the queue has timestamps. Without them zones have no GPU time; everything else works.
+    pub fn has_timestamps(&self) -> bool {
+        self.clock.bits > 0
+    }
+
+    /// Makes the device act as if its queue had no timestamps, as on some devices; for tests.
+    pub fn without_timestamps(mut self) -> Self {
+        self.clock.bits = 0;
+        self
+    }
+}
+
+impl Deref for Gpu {
+    type Target = Device;
+
+    fn deref(&self) -> &Device {
+        &self.device
+    }
+}
+
+impl Device {
     /// Description of the open device.
     pub fn report(&self) -> &DeviceReport {
         &self.report
@@ -350,18 +426,6 @@ impl Gpu {
         self.numbers_triangles
     }
 
-    /// Makes the device act as if its fragment shaders did not know their triangle; for tests.
-    pub fn without_triangle_numbers(mut self) -> Self {
-        self.numbers_triangles = false;
-        self
-    }
-
-    /// Gives every dispatch its own zone from now on, named after its shader. Not in frames whose zones are submitted
-    /// separately.
-    pub fn time_shaders(&self) {
-        self.times_shaders.set(true);
-    }
-
     /// Number of positions along a pixel's side to which the rasteriser moves vertices: 16 to 256. Drawn surfaces are
     /// off their triangles by up to such a step. `None` on llvmpipe, which draws from exact positions.
     pub fn subpixels(&self) -> Option<u32> {
@@ -380,33 +444,10 @@ impl Gpu {
         self.is_software() && bytes / 16 <= self.most_texels
     }
 
-    /// Limits texel buffers to the size that every device allows; for tests.
-    pub fn with_few_texels(mut self) -> Self {
-        self.most_texels = 65_536;
-        self
-    }
-
     /// Threads of a compute subgroup, 32 or 8, if the device supports a fixed size of these and voting within
     /// subgroups.
     pub fn voting_threads(&self) -> Option<u32> {
         self.voting_threads
-    }
-
-    /// Makes the device act as if its subgroups could not vote, as on some devices; for tests.
-    pub fn without_votes(mut self) -> Self {
-        self.voting_threads = None;
-        self
-    }
-
-    /// Whether the queue has timestamps. Without them zones have no GPU time; everything else works.
-    pub fn has_timestamps(&self) -> bool {
-        self.clock.bits > 0
-    }
-
-    /// Makes the device act as if its queue had no timestamps, as on some devices; for tests.
-    pub fn without_timestamps(mut self) -> Self {
-        self.clock.bits = 0;
-        self
     }
 
     /// Messages of the validation layer so far, oldest first. There should be none.
@@ -415,16 +456,16 @@ impl Gpu {
     }
 }
 
-impl Drop for Gpu {
+impl Drop for Device {
     fn drop(&mut self) {
-        let pipelines = self.pipelines.get_mut();
+        let pipelines = self.pipelines.get_mut().unwrap_or_else(PoisonError::into_inner);
         self.disk.close(&self.shared, pipelines.made());
         pipelines.clear();
         self.shared.wait_to_drop();
         self.shared.collect();
         // SAFETY: nothing is in use after the wait; the samplers are this device's.
         unsafe {
-            for (_, sampler) in self.samplers.get_mut().drain() {
+            for (_, sampler) in self.samplers.get_mut().unwrap_or_else(PoisonError::into_inner).drain() {
                 self.shared.device.destroy_sampler(sampler, None);
             }
         }

@@ -1,7 +1,7 @@
 //! Simulated failures of a device: its loss, and an end of its memory. No driver produces these on request, so tests
 //! ask for them here.
 
-use super::device::{Gpu, Shared};
+use super::device::{Device, Shared};
 use super::graveyard::lock;
 use ash::vk;
 use std::sync::atomic::Ordering;
@@ -33,7 +33,7 @@ pub(super) enum Lost {
     Now,
 }
 
-impl Gpu {
+impl Device {
     /// Makes the device act as if it were lost, from the next call of this kind on; for tests. A driver may report a
     /// real loss at any of these calls, too.
     pub fn lose_at(&self, call: Call) {

@@ -1,9 +1,11 @@
-//! Deferred destruction, and the first layout of images. The GPU and the commands being recorded may still use a
-//! dropped object. It stays in the graveyard until the timeline shows that the last submission that may refer to it is
-//! done, so no drop waits. New images have an unusable layout; the next submission of any kind transitions them to
-//! GENERAL.
+//! Deferred destruction, and the first layout and content of new objects. The GPU and the commands being recorded may
+//! still use a dropped object. It stays in the graveyard until the timeline shows that the last submission that may
+//! refer to it is done, so no drop waits. New images have an unusable layout; the next submission of any kind
+//! transitions them to GENERAL, and the next frame copies the content of new objects (`upload`). Any thread may create
+//! and drop objects at any time.
 
 use super::device::Shared;
+use super::upload::{Target, Upload};
 use ash::vk;
 use gpu_allocator::vulkan::Allocation;
 use std::collections::VecDeque;
@@ -34,12 +36,21 @@ struct Fresh {
     range: vk::ImageSubresourceRange,
 }
 
-/// Dropped objects, oldest first, and new images.
+/// Dropped objects, oldest first, and new ones.
 #[derive(Default)]
 pub(super) struct Graveyard {
     graves: VecDeque<Grave>,
     /// New images. All are alive, or in a grave until the next submission is done.
     fresh: Vec<Fresh>,
+    /// Content of new buffers and textures. Their resources are alive, or in a grave until the next submission is done.
+    pub(super) uploads: Vec<Upload>,
+}
+
+impl Graveyard {
+    /// Removes the new content of resources that no submission will use, and returns what is left of it.
+    fn cancel(&mut self, is_dropped: impl Fn(u64) -> bool) -> Vec<Remains> {
+        self.uploads.extract_if(.., |upload| is_dropped(upload.id)).map(|upload| upload.split().1).collect()
+    }
 }
 
 /// Locks data that a panic elsewhere cannot leave half changed. Destructors also run while a panic unwinds.
@@ -57,6 +68,8 @@ impl Shared {
             let until = self.submitted.load(Ordering::SeqCst) + u64::from(recording);
             if !recording {
                 graveyard.fresh.retain(|fresh| fresh.id != id);
+                let staging = graveyard.cancel(|of| of == id);
+                graveyard.graves.extend(staging.into_iter().map(|remains| Grave { until, id: 0, remains }));
             }
             graveyard.graves.push_back(Grave { until, id, remains });
         }
@@ -85,9 +98,11 @@ impl Shared {
             // Done under the lock, so that no object can be bound, dropped and buried at the same time.
             let done = self.done();
             let count = graveyard.graves.iter().take_while(|grave| grave.until <= done).count();
-            let over: Vec<Grave> = graveyard.graves.drain(..count).collect();
+            let mut over: Vec<Grave> = graveyard.graves.drain(..count).collect();
             if !over.is_empty() {
                 graveyard.fresh.retain(|fresh| over.iter().all(|grave| grave.id != fresh.id));
+                let staging = graveyard.cancel(|of| over.iter().any(|grave| grave.id == of));
+                over.extend(staging.into_iter().map(|remains| Grave { until: 0, id: 0, remains }));
             }
             over
         };
@@ -98,8 +113,9 @@ impl Shared {
 
     /// Destroys all remaining objects, together with the device.
     pub(super) fn collect_all(&self) {
-        let all = std::mem::take(&mut lock(&self.graveyard).graves);
-        for grave in all {
+        let Graveyard { graves, uploads, .. } = std::mem::take(&mut *lock(&self.graveyard));
+        let staging = uploads.into_iter().map(|upload| Grave { until: 0, id: 0, remains: upload.split().1 });
+        for grave in graves.into_iter().chain(staging) {
             self.destroy(grave);
         }
     }
@@ -159,6 +175,19 @@ impl Shared {
                 .subresource_range(fresh.range)
         };
         fresh.into_iter().map(barrier).collect()
+    }
+
+    /// Copies of all new content, for the submission being recorded, as for `fresh`.
+    pub(super) fn new_content(&self) -> Vec<(vk::Buffer, Target)> {
+        let graveyard = &mut *lock(&self.graveyard);
+        let until = self.submitted.load(Ordering::SeqCst) + 1;
+        let graves = &mut graveyard.graves;
+        let copies = graveyard.uploads.drain(..).map(|upload| {
+            let (copy, remains) = upload.split();
+            graves.push_back(Grave { until, id: 0, remains });
+            copy
+        });
+        copies.collect()
     }
 
     /// Number of dropped objects that are not destroyed yet.

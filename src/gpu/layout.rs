@@ -1,10 +1,10 @@
 //! Interface of a pipeline's shaders together: descriptors, push constants, and the Vulkan layouts created from them.
 
 use super::device::Shared;
-use super::graveyard::Remains;
+use super::graveyard::{Remains, lock};
 use super::hazards::Use;
 use super::reflect::{Binding, Interface};
-use super::{Gpu, vulkan};
+use super::{Device, vulkan};
 use crate::error::Result;
 use ash::vk;
 use std::collections::HashMap;
@@ -50,7 +50,7 @@ pub(super) struct Declared {
     pub(super) group: [u32; 3],
 }
 
-impl Gpu {
+impl Device {
     /// The combined interface of these shaders, and its layouts.
     pub(super) fn declared(&self, name: &str, shaders: &[(vk::ShaderStageFlags, Interface)]) -> Result<Declared> {
         let mut slots: Vec<DescriptorSlot> = Vec::new();
@@ -91,7 +91,7 @@ impl Gpu {
     }
 
     fn layout(&self, name: &str, signature: Signature) -> Result<Arc<Layout>> {
-        let mut layouts = self.layouts.borrow_mut();
+        let mut layouts = lock(&self.layouts);
         if let Some(layout) = layouts.get(&signature).and_then(Weak::upgrade) {
             return Ok(layout);
         }

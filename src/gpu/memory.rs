@@ -2,7 +2,7 @@
 
 use super::device::Shared;
 use super::graveyard::lock;
-use super::{Gpu, vulkan};
+use super::{Device, vulkan};
 use crate::error::{Error, Result};
 use ash::vk;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
@@ -58,7 +58,7 @@ impl Shared {
     }
 }
 
-impl Gpu {
+impl Device {
     /// Error for a resource beyond a limit of the device.
     pub(crate) fn too_large(&self, what: String, limit: u64) -> Error {
         Error::TooLarge(format!(

@@ -1,4 +1,4 @@
-//! A small, explicit layer over Vulkan: `Gpu` (device, allocator, messages), `Buffer`, `Image`, `Pipeline`, `Cmd`.
+//! A small, explicit layer over Vulkan: `Device` (creates everything, on any thread), `Gpu` (its queue and frames), `Buffer`, `Image`, `Pipeline`, `Cmd`.
 //!
 //! This layer knows nothing about light. It uses only Vulkan 1.3 core, so that software devices run the same code as
 //! desktop GPUs. All unsafe code of the crate is in this folder.
@@ -32,13 +32,14 @@ mod spirv;
 #[cfg(feature = "app")]
 mod swapchain;
 mod timer;
+mod upload;
 
 pub use ash::vk::Format;
 pub use bind::Bind;
 pub use buffer::Buffer;
 pub use cmd::Cmd;
 pub use codegen::{Codegen, Compiled};
-pub use device::{Gpu, Host, Options};
+pub use device::{Device, Gpu, Host, Options};
 pub use draw::{Attach, Attachments, Draw, Load};
 pub use faults::Call;
 pub use frames::Frame;

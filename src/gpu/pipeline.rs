@@ -2,10 +2,10 @@
 //! A repeated request returns the same pipeline.
 
 use super::device::Shared;
-use super::graveyard::Remains;
+use super::graveyard::{Remains, lock};
 use super::layout::{Declared, DescriptorSlot, Layout};
 use super::raster::Depth;
-use super::{Gpu, reflect, vulkan};
+use super::{Device, reflect, vulkan};
 use crate::error::{Error, Result};
 use ash::vk;
 use std::collections::HashMap;
@@ -103,7 +103,7 @@ impl Pipelines {
     }
 }
 
-impl Gpu {
+impl Device {
     /// Creates a compute pipeline from `glsl/NAME`, with specialisation constants 0, 1, ..., or returns the existing
     /// one.
     ///
@@ -144,13 +144,13 @@ impl Gpu {
     /// Clears the cache, so that pipelines are created again. Pipelines in use are not affected. For measurements: on
     /// some drivers, pipelines built from identical code differ in speed.
     pub fn forget_pipelines(&self) {
-        self.pipelines.borrow_mut().clear();
+        lock(&self.pipelines).clear();
     }
 
     /// The pipeline with this key, or a new one.
     pub(super) fn kept(&self, key: String, make: impl FnOnce() -> Result<Pipeline>) -> Result<Pipeline> {
         {
-            let pipelines = &mut *self.pipelines.borrow_mut();
+            let pipelines = &mut *lock(&self.pipelines);
             pipelines.turn += 1;
             if let Some(kept) = pipelines.kept.get_mut(&key) {
                 kept.turn = pipelines.turn;
@@ -158,7 +158,7 @@ impl Gpu {
             }
         }
         let pipeline = make()?;
-        let pipelines = &mut *self.pipelines.borrow_mut();
+        let pipelines = &mut *lock(&self.pipelines);
         pipelines.kept.insert(key, Kept { pipeline: pipeline.clone(), turn: pipelines.turn });
         let spare = pipelines.kept.iter().filter(|(_, kept)| Arc::strong_count(&kept.pipeline.0) == 1);
         let mut spare: Vec<_> = spare.map(|(key, kept)| (kept.turn, key.clone())).collect();
@@ -219,7 +219,7 @@ impl Gpu {
     ) -> Result<Pipeline> {
         let handle = made.map_err(|(_, r)| r).map_err(vulkan(format!("pipeline {name}")))?[0];
         self.shared.name(handle, name);
-        self.pipelines.borrow_mut().made += 1;
+        lock(&self.pipelines).made += 1;
         let Declared { layout, slots, push_bytes, push_stages, group } = declared;
         let shared = self.shared.clone();
         Ok(Pipeline(Arc::new(Made { shared, handle, layout, name, slots, push_bytes, push_stages, raster, group })))

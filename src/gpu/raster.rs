@@ -2,7 +2,7 @@
 
 use super::image::{is_depth, texel_bytes};
 use super::pipeline::{Pipeline, RasterState, specialization, spirv, stages_of};
-use super::{Gpu, reflect};
+use super::{Device, reflect};
 use crate::error::{Error, Result};
 use ash::vk;
 
@@ -94,7 +94,7 @@ pub struct Raster<'a> {
     pub constants: &'a [u32],
 }
 
-impl Gpu {
+impl Device {
     /// Creates a graphics pipeline, or returns the existing one.
     ///
     /// # Errors

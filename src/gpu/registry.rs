@@ -1,6 +1,6 @@
 //! All live buffers and images of a device by name, and counters with which tests detect leaks.
 
-use super::Gpu;
+use super::Device;
 use super::device::Shared;
 use super::graveyard::lock;
 use std::collections::BTreeMap;
@@ -59,7 +59,7 @@ impl Shared {
     }
 }
 
-impl Gpu {
+impl Device {
     /// All live buffers and images, in order of creation.
     pub fn resources(&self) -> Vec<ResourceInfo> {
         lock(&self.shared.registry).values().cloned().collect()
@@ -69,7 +69,7 @@ impl Gpu {
     pub fn counters(&self) -> Counters {
         self.shared.collect();
         let (sets, pools) = lock(&self.shared.descriptors).counts();
-        let pipelines = self.pipelines.borrow();
+        let pipelines = lock(&self.pipelines);
         Counters {
             pipelines_made: pipelines.made(),
             pipelines_kept: pipelines.kept(),

@@ -1,6 +1,7 @@
 //! Filtering and wrapping of textures.
 
-use super::{Gpu, vulkan};
+use super::graveyard::lock;
+use super::{Device, vulkan};
 use crate::error::Result;
 use ash::vk;
 
@@ -18,10 +19,10 @@ impl SamplerKind {
     pub const CLAMPED: Self = Self { wrap: [vk::SamplerAddressMode::CLAMP_TO_EDGE; 2], nearest: false };
 }
 
-impl Gpu {
+impl Device {
     /// The sampler of a kind, created on first use and kept as long as the device.
     pub(crate) fn sampler(&self, kind: SamplerKind) -> Result<vk::Sampler> {
-        let mut samplers = self.samplers.borrow_mut();
+        let mut samplers = lock(&self.samplers);
         if let Some(sampler) = samplers.get(&kind) {
             return Ok(*sampler);
         }
@@ -41,7 +42,7 @@ impl Gpu {
             .address_mode_v(kind.wrap[1])
             .address_mode_w(vk::SamplerAddressMode::CLAMP_TO_EDGE)
             .max_lod(vk::LOD_CLAMP_NONE);
-        // SAFETY: the device is alive; destroyed when `Gpu` is dropped.
+        // SAFETY: the device is alive; destroyed when `Device` is dropped.
         let sampler = unsafe { self.shared.device.create_sampler(&info, None) }.map_err(vulkan("sampler"))?;
         self.shared.name(sampler, &format!("gpu.sampler {kind:?}"));
         samplers.insert(kind, sampler);

@@ -267,6 +267,14 @@ impl Swapchain {
 
     /// Fills an image of the window and presents it.
     fn try_show(&mut self, image: &Image) -> std::result::Result<bool, vk::Result> {
+        // New images may be dropped by another thread while this submission refers to them.
+        self.gpu.shared.begin_recording();
+        let shown = self.fill_and_present(image);
+        self.gpu.shared.end_recording();
+        shown
+    }
+
+    fn fill_and_present(&mut self, image: &Image) -> std::result::Result<bool, vk::Result> {
         let Some(chain) = &self.chain else { return Ok(false) };
         let slot = &mut self.slots[self.next];
         self.gpu.shared.wait_for(slot.done).map_err(|_| vk::Result::ERROR_DEVICE_LOST)?;

@@ -3,7 +3,7 @@
 
 use crate::bake::{CellSet, Cells};
 use crate::error::Result;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Device};
 use crate::shared::{CellEntry, CellGrid, NO_REFERENCES};
 use glam::{DAffine3, DMat3, DMat4};
 
@@ -24,7 +24,7 @@ impl CellBuffers {
     ///
     /// # Errors
     /// Fails if the device runs out of memory.
-    pub fn new(gpu: &Gpu, cells: &CellSet) -> Result<Self> {
+    pub fn new(gpu: &Device, cells: &CellSet) -> Result<Self> {
         let (mut grids, mut entries) = (Vec::new(), Vec::new());
         for model in &cells.models {
             let table = table(model);

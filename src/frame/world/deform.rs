@@ -1,7 +1,7 @@
 //! Data for posing deformed meshes. METHOD 8.
 
 use crate::error::{Error, Result};
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Device};
 use crate::scene::Scene;
 use crate::scene::deform::Deform;
 use crate::shared::{BindVertex, Body, BodyBlock, DEFORM_ROW, Displacement, Follower, Influence, Joint, VERTEX_WORDS};
@@ -35,7 +35,7 @@ pub(in crate::frame) struct Blocks {
 impl DeformBuffers {
     /// Uploads the data of all deformed instances. `first_vertices` gives the first posed vertex of each. `None` if no
     /// instance is deformed.
-    pub(super) fn new(gpu: &Gpu, scene: &Scene, first_vertices: &[Option<u32>]) -> Result<Option<Self>> {
+    pub(super) fn new(gpu: &Device, scene: &Scene, first_vertices: &[Option<u32>]) -> Result<Option<Self>> {
         if first_vertices.iter().all(Option::is_none) {
             return Ok(None);
         }

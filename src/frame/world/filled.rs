@@ -3,7 +3,7 @@
 use super::update::InstanceLayout;
 use super::{CacheSurface, DrawItem};
 use crate::error::Result;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Device};
 use crate::scene::medium::Medium;
 use crate::scene::{Mesh, Scene};
 use crate::shared::{self, FilledCache, HOLLOW, ModelCache};
@@ -30,7 +30,7 @@ pub struct FilledBuffers {
 impl FilledBuffers {
     /// Creates the parts of a scene; `None` without translucent bodies.
     pub(super) fn new(
-        gpu: &Gpu,
+        gpu: &Device,
         (scene, layouts): (&Scene, &[InstanceLayout]),
         draws: &[DrawItem],
         (caches, surfaces): (&[ModelCache], &[CacheSurface]),

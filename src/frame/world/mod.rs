@@ -35,7 +35,7 @@ use super::revision::new_revision;
 use super::settings::{Indirect, Settings};
 use crate::bake::CacheSet;
 use crate::error::{Error, Result};
-use crate::gpu::{Buffer, Gpu, Image};
+use crate::gpu::{Buffer, Device, Gpu, Image};
 use crate::scene::{Mesh, Scene, Vertex};
 use crate::shared::{self, Corner, DrawRecord, InstanceCaches, ModelCache, NO_REFERENCES, RIGID};
 use area_lights::AreaLights;
@@ -148,7 +148,7 @@ impl World {
     ///
     /// # Errors
     /// Fails if the scene has no triangles, or more than shaders can number or the device can hold.
-    pub fn new(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>) -> Result<Self> {
+    pub fn new(gpu: &Device, scene: &Scene, caches: Option<&CacheSet>) -> Result<Self> {
         let (low, high) = scene.bounds().ok_or_else(|| Error::Nothing("the scene has no triangles".into()))?;
         let origin = (low + high) * 0.5;
         let mut half = (high - low) * 0.5;
@@ -331,7 +331,7 @@ impl World {
     }
 
     /// Computes the albedos of the caches, which further bounces need, on the first call.
-    pub(super) fn make_albedos(&self, gpu: &Gpu, scene: &Scene) -> Result<()> {
+    pub(super) fn make_albedos(&self, gpu: &Device, scene: &Scene) -> Result<()> {
         if let (None, Some(caches)) = (self.albedos.get(), &self.caches) {
             let albedos = albedo::of_all(scene, caches);
             let buffer = gpu.buffer_from("scene.cache_albedos", &albedos)?;
@@ -344,7 +344,7 @@ impl World {
     ///
     /// # Errors
     /// Fails if the device runs out of memory.
-    pub fn make_rays(&self, gpu: &Gpu, scene: &Scene) -> Result<()> {
+    pub fn make_rays(&self, gpu: &Device, scene: &Scene) -> Result<()> {
         if self.rays.get().is_none() {
             let moves = (0..scene.instances.len()).map(|i| scene.may_move(i)).collect();
             let made = self.rays_of(gpu, scene, &self.dynamic, moves)?;
@@ -354,7 +354,7 @@ impl World {
     }
 
     /// Builds BVHs over the scene in the state `now`. The next frame refits those of deformed meshes.
-    fn rays_of(&self, gpu: &Gpu, scene: &Scene, now: &Dynamic, moves: Vec<bool>) -> Result<RayBuffers> {
+    fn rays_of(&self, gpu: &Device, scene: &Scene, now: &Dynamic, moves: Vec<bool>) -> Result<RayBuffers> {
         let is_area = &self.area_lights.triangles();
         let placed = Placed { scene, origin: self.origin, layouts: &self.layouts, is_area, now };
         let made = RayBuffers::new(gpu, &placed, moves)?;

@@ -9,7 +9,7 @@ use super::update::Dynamic;
 use super::{InstanceLayout, World, textures};
 use crate::bake::bvh::{self, hierarchy};
 use crate::error::Result;
-use crate::gpu::{Bind, Buffer, Cmd, Gpu};
+use crate::gpu::{Bind, Buffer, Cmd, Device};
 use crate::image::{linear_from_srgb, mip_chain};
 use crate::scene::{Image, Sampler, Scene, Wrap};
 use crate::shared::{
@@ -98,7 +98,7 @@ pub(super) struct Placed<'a> {
 
 impl RayBuffers {
     /// Builds all BVHs, on all cores. `moves` says which instances have their own.
-    pub(super) fn new(gpu: &Gpu, placed: &Placed<'_>, moves: Vec<bool>) -> Result<Self> {
+    pub(super) fn new(gpu: &Device, placed: &Placed<'_>, moves: Vec<bool>) -> Result<Self> {
         let scene = placed.scene;
         let may_move = moves.iter().filter(|moves| **moves).count();
         let levels = if may_move > 0 { 2 } else { 1 };
@@ -154,7 +154,7 @@ impl RayBuffers {
     }
 
     /// Constants 0 to 3 of shaders with rays.
-    pub fn constants(&self, gpu: &Gpu) -> [u32; 4] {
+    pub fn constants(&self, gpu: &Device) -> [u32; 4] {
         // Rounded up, so that another BVH seldom needs another pipeline.
         let stack = self.stack.next_multiple_of(8).max(LEAST_STACK);
         let as_texels = gpu.reads_texels(self.nodes.size.max(self.triangles.size));
@@ -200,7 +200,7 @@ impl RayBuffers {
 
 impl RefitBuffers {
     /// Creates the buffers for nodes with their depths; `None` without nodes.
-    fn new(gpu: &Gpu, mut list: Vec<(u32, RefitNode)>) -> Result<Option<Self>> {
+    fn new(gpu: &Device, mut list: Vec<(u32, RefitNode)>) -> Result<Option<Self>> {
         let Some(&(_, RefitNode { node: first_node, .. })) = list.first() else { return Ok(None) };
         list.sort_by_key(|(depth, _)| std::cmp::Reverse(*depth));
         let depths = list.chunk_by(|a, b| a.0 == b.0).scan(0, |first, nodes| {

@@ -1,7 +1,7 @@
 //! A sky on the device: as a visible background and as light on surfaces.
 
 use crate::error::Result;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Device};
 use crate::scene::sky::Sky;
 use crate::scene::sky_filter;
 use crate::shared::{DIRECTION_SIDE, DIRECTIONS, SkyLevel};
@@ -22,7 +22,7 @@ impl SkyBuffer {
     ///
     /// # Errors
     /// Fails if the device runs out of memory.
-    pub fn new(gpu: &Gpu, sky: &Sky) -> Result<Self> {
+    pub fn new(gpu: &Device, sky: &Sky) -> Result<Self> {
         let texels = gpu.buffer_from("scene.sky", &sky.texels)?;
         Ok(Self { texels, width: sky.width, height: sky.height, turn: sky.turn as f32 })
     }
@@ -50,7 +50,7 @@ impl SkyLight {
     ///
     /// # Errors
     /// Fails if the device runs out of memory.
-    pub fn new(gpu: &Gpu, sky: &Sky) -> Result<Self> {
+    pub fn new(gpu: &Device, sky: &Sky) -> Result<Self> {
         let mut grids = vec![sky_filter::irradiance(sky), sky_filter::halved(sky, MOST_COLUMNS)];
         grids.extend(sky_filter::lobes(sky));
         let (mut levels, mut texels) = (Vec::new(), Vec::new());

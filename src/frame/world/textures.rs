@@ -1,7 +1,7 @@
 //! Materials and textures for shaders.
 
 use crate::error::Result;
-use crate::gpu::{Format, Gpu, Image, SamplerKind};
+use crate::gpu::{Device, Format, Image, SamplerKind};
 use crate::image::{mip_chain, normal_mip_chain};
 use crate::scene::{self, Material, Sampler, Scene, Texture, Wrap};
 use crate::shared::{self, TEXTURE_COUNT, TextureSlot};
@@ -109,7 +109,7 @@ pub(super) fn kinds(scene: &Scene) -> (Vec<u32>, Vec<usize>) {
 pub(super) type MaterialTextures = Vec<[(usize, SamplerKind); TEXTURE_COUNT as usize]>;
 
 /// Uploads each image once per kind of content. Image 0 is one white texel, for missing textures.
-pub(super) fn upload_textures(gpu: &Gpu, scene: &Scene) -> Result<(Vec<Image>, MaterialTextures)> {
+pub(super) fn upload_textures(gpu: &Device, scene: &Scene) -> Result<(Vec<Image>, MaterialTextures)> {
     let mut wanted: BTreeMap<(usize, Holds), usize> = BTreeMap::new();
     for (texture, holds) in scene.materials.iter().flat_map(used) {
         if let Some(texture) = texture {

@@ -7,7 +7,7 @@ use super::{AreaLight, SkyBuffer, SkyLight, World, albedo, textures};
 use crate::error::{Error, Result};
 use crate::frame::plan::Features;
 use crate::frame::revision::new_revision;
-use crate::gpu::{Cmd, Gpu, Use};
+use crate::gpu::{Cmd, Device, Use};
 use crate::scene::animation::Quantity;
 use crate::scene::medium::Subsurface;
 use crate::scene::{Instance, Material, Sampler, Scene};
@@ -248,7 +248,7 @@ impl World {
     ///
     /// # Errors
     /// Fails if models or instances differ from the uploaded ones: they need other caches and therefore a new world.
-    pub fn update(&mut self, gpu: &Gpu, scene: &Scene) -> Result<()> {
+    pub fn update(&mut self, gpu: &Device, scene: &Scene) -> Result<()> {
         if !self.structure.has_models_of(scene) {
             return Err(Error::Nothing(
                 "the scene's models differ from the uploaded ones: bake and load it again".into(),

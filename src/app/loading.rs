@@ -1,0 +1,348 @@
+//! Loading of scenes in the background: from the file to caches on one thread, then onto the device on another. The old
+//! scene stays visible, and can be edited, until the new one is complete.
+
+use super::camera::{Free, Seen};
+use super::document::{Document, copy_edits, usual};
+use super::recent;
+use super::session::{self, Opened};
+use super::undo::History;
+use super::window::lost;
+use crate::cli::lights::Lights;
+use crate::cli::thousands;
+use crate::cli::view::{View as Args, print};
+use anyhow::{Result, anyhow};
+use lightskin::frame::engine::{Loaded, Progress};
+use lightskin::frame::{Engine, Picture, Settings};
+use lightskin::gpu::Gpu;
+use lightskin::scene::Scene;
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::thread::JoinHandle;
+
+/// What is being loaded, if anything is.
+#[derive(Default)]
+pub(super) struct Loading {
+    job: Option<Job>,
+    /// Uploads whose results are no longer wanted. They cannot be stopped.
+    replaced: Vec<Thread<Uploaded>>,
+}
+
+/// A scene that is being loaded, rebaked or uploaded.
+struct Job {
+    step: Step,
+    progress: Progress,
+    args: Args,
+    /// Whether the state of the file replaces the current state. Otherwise edits are kept.
+    anew: bool,
+    /// The session to apply after loading.
+    session: Option<Opened>,
+}
+
+enum Step {
+    Load(JoinHandle<Result<Loaded>>),
+    Upload(Thread<Uploaded>, Box<Prepared>),
+}
+
+/// A thread that uses the device, which must not be closed before it ends. So dropping this waits.
+struct Thread<T>(Option<JoinHandle<Result<T>>>);
+
+/// A scene on the device.
+struct Uploaded {
+    engine: Engine,
+    picture: Option<Picture>,
+}
+
+/// What goes with a scene that is being uploaded.
+struct Prepared {
+    /// Settings of its light.
+    settings: Settings,
+    /// Whether these were the settings of the window, which may have changed since.
+    keeps_settings: bool,
+    /// Number of caches.
+    count: usize,
+    lights: Lights,
+    /// The lights as the file has them.
+    of_file: Lights,
+    /// `Document::changes` when the edits were copied to the scene.
+    changes: u64,
+}
+
+impl Loading {
+    /// Whether a scene is being loaded.
+    pub(super) fn works(&self) -> bool {
+        self.job.is_some()
+    }
+
+    /// Replaces the job. Returns the old one, unless it is complete but for its upload.
+    fn replace(&mut self, job: Option<Job>) -> Option<Job> {
+        let mut old = std::mem::replace(&mut self.job, job)?;
+        self.replaced.retain(|thread| !thread.is_finished());
+        if let Step::Upload(thread, _) = &mut old.step {
+            self.replaced.push(Thread(thread.0.take()));
+        }
+        Some(old)
+    }
+}
+
+impl<T: Send + 'static> Thread<T> {
+    fn start(work: impl FnOnce() -> Result<T> + Send + 'static) -> Self {
+        Self(Some(std::thread::spawn(work)))
+    }
+
+    fn is_finished(&self) -> bool {
+        self.0.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    fn join(mut self) -> Result<T> {
+        self.0.take().map_or_else(|| Err(anyhow!("joined twice")), joined)
+    }
+}
+
+impl<T> Drop for Thread<T> {
+    fn drop(&mut self) {
+        if let Some(thread) = self.0.take() {
+            drop(thread.join());
+        }
+    }
+}
+
+/// The result of a thread.
+fn joined<T>(thread: JoinHandle<Result<T>>) -> Result<T> {
+    thread.join().map_err(|_| anyhow!("a background job panicked; this is a bug of lightskin"))?
+}
+
+impl Document {
+    /// Starts to load a scene in the background. The old scene stays visible until then. A later call replaces the job.
+    pub(super) fn open(&mut self, args: Args, anew: bool) {
+        // Edits of a scene that is still being loaded go with the job that replaces its own.
+        let (before, session) = self.loading.replace(None).map_or((false, None), |job| (job.anew, job.session));
+        self.start(args, anew || before, session.filter(|_| !anew));
+    }
+
+    /// Opens a session in the background, like `open`.
+    ///
+    /// # Errors
+    /// Fails if the file is not a valid session.
+    pub(super) fn open_session(&mut self, file: &Path) -> Result<()> {
+        let (args, session) = session::load(file, &self.args)?;
+        self.start(args, true, Some(session));
+        Ok(())
+    }
+
+    pub(super) fn start(&mut self, args: Args, anew: bool, session: Option<Opened>) {
+        let progress = Progress::default();
+        let (told, of_job, rest) = (progress.clone(), args.clone(), self.rest.clone());
+        // The first scene is loaded on all cores. Later ones use one core, which pauses while the user moves something.
+        let thread = match self.engine {
+            None => std::thread::spawn(move || of_job.load(&|done, what| told.set(done, what))),
+            Some(_) => std::thread::spawn(move || {
+                rest.first(|| {
+                    of_job.load(&|done, what| {
+                        rest.pause();
+                        told.set(done, what);
+                    })
+                })
+            }),
+        };
+        self.loading.replace(Some(Job { step: Step::Load(thread), progress, args, anew, session }));
+    }
+
+    /// Waits for threads that use the device, and loads the scene again that was being uploaded.
+    pub(super) fn load_again(&mut self) {
+        if matches!(&self.loading.job, Some(Job { step: Step::Upload(..), .. }))
+            && let Some(job) = self.loading.replace(None)
+        {
+            self.start(job.args, job.anew, job.session);
+        }
+        self.loading.replaced.clear();
+    }
+
+    /// The arguments of the scene that is being loaded, or of the present one.
+    pub(super) fn wanted(&self) -> &Args {
+        self.loading.job.as_ref().map_or(&self.args, |job| &job.args)
+    }
+
+    /// Progress of the job from 0 to 1, and its current step. `None` without a job.
+    pub(super) fn progress(&self) -> Option<(f32, String)> {
+        self.loading.job.as_ref().map(|job| job.progress.get())
+    }
+
+    /// Continues with the result of a finished step. Returns whether another scene is shown. Never waits. If a scene
+    /// does not load, or does not fit in memory beside the old one, the old one stays.
+    ///
+    /// # Errors
+    /// Fails if the first scene does not load, because there is nothing to show. Also fails if the device is lost; then
+    /// the job starts again.
+    pub(super) fn poll(&mut self, gpu: &Gpu) -> Result<bool> {
+        let is_finished = |job: &mut Job| match &job.step {
+            Step::Load(thread) => thread.is_finished(),
+            Step::Upload(thread, _) => thread.is_finished(),
+        };
+        let Some(Job { step, progress, args, anew, session }) = self.loading.job.take_if(is_finished) else {
+            return Ok(false);
+        };
+        let done = match step {
+            Step::Load(thread) => joined(thread)
+                .and_then(|loaded| self.upload(gpu, loaded, (&args, anew, session.as_ref()), &progress))
+                .map(Some),
+            Step::Upload(thread, prepared) => thread
+                .join()
+                .and_then(|uploaded| self.take(gpu, uploaded, *prepared, (&args, anew, session.as_ref())))
+                .map(|()| None),
+        };
+        match (done, &self.engine) {
+            (Ok(Some(step)), _) => self.loading.job = Some(Job { step, progress, args, anew, session }),
+            (Ok(None), _) => return Ok(true),
+            (Err(error), _) if lost::is_loss(&error) => {
+                self.start(args, anew, session);
+                return Err(error);
+            }
+            (Err(error), Some(_)) => log::error!("{error:#}; the scene stays as it was"),
+            (Err(error), None) => return Err(error),
+        }
+        Ok(false)
+    }
+
+    /// Copies edits to a loaded scene, and starts to upload it.
+    fn upload(
+        &self,
+        gpu: &Gpu,
+        mut loaded: Loaded,
+        (args, anew, session): (&Args, bool, Option<&Opened>),
+        progress: &Progress,
+    ) -> Result<Step> {
+        let count = loaded
+            .caches
+            .as_ref()
+            .map_or(0, |caches| caches.instance_model.iter().map(|model| caches.models[*model].caches.len()).sum());
+        let of_file = Lights::of(&loaded.scene);
+        let mut lights = of_file.clone();
+        if let Some(old) = self.engine.as_ref().filter(|_| !anew && session.is_none()) {
+            keep_edits(old.scene(), &mut loaded.scene, &self.edited);
+            lights = of_file.clone().keeping(&self.lights);
+        }
+        lights.apply(&mut loaded.scene);
+        let mut settings = usual(args, count, self.ways);
+        // Keep the chosen settings if only the number of caches or the contents of the file have changed.
+        let keeps_settings = session.is_none() && self.shows(args) && args.quality() == self.args.quality();
+        if keeps_settings {
+            settings = self.settings;
+        }
+        if let Some(Opened { session, drawing, .. }) = session {
+            settings = drawing.settings(gpu, count)?;
+            lights = session.change(&mut loaded.scene);
+        }
+        let prepared = Prepared { settings, keeps_settings, count, lights, of_file, changes: self.changes };
+        progress.set(1.0, "upload");
+        let (device, size) = (gpu.device().clone(), self.picture.as_ref().map_or(self.asked, Picture::size));
+        // All of the new scene must fit, so that the old one can stay if it does not.
+        let make = move || -> Result<Uploaded> {
+            let engine = Engine::new(&device, loaded, &settings)?;
+            let picture = Some(size).filter(|size| !size.contains(&0)).map(|size| engine.picture(&device, size));
+            Ok(Uploaded { picture: picture.transpose()?, engine })
+        };
+        let rest = self.rest.clone();
+        let thread = match self.engine {
+            None => Thread::start(make),
+            Some(_) => Thread::start(move || rest.first(make)),
+        };
+        Ok(Step::Upload(thread, Box::new(prepared)))
+    }
+
+    /// Whether the present scene is from the file of these arguments, even with another sky or other caches.
+    fn shows(&self, args: &Args) -> bool {
+        self.engine.is_some() && args.scene == self.args.scene
+    }
+
+    /// Shows a scene that is on the device.
+    fn take(
+        &mut self,
+        gpu: &Gpu,
+        Uploaded { mut engine, picture }: Uploaded,
+        Prepared { settings, keeps_settings, count, mut lights, of_file, changes }: Prepared,
+        (args, anew, session): (&Args, bool, Option<&Opened>),
+    ) -> Result<()> {
+        // Edits made during the upload.
+        if let Some(old) = self.engine.as_ref().filter(|_| !anew && session.is_none() && changes != self.changes) {
+            lights = of_file.keeping(&self.lights);
+            engine.edit(gpu, |scene| {
+                keep_edits(old.scene(), scene, &self.edited);
+                lights.apply(scene);
+            })?;
+        }
+        let same = anew && self.shows(args);
+        let chosen = if keeps_settings { self.settings } else { settings };
+        (self.engine, self.fitted, self.refused) = (Some(engine), settings, None);
+        self.picture = picture;
+        self.changes += 1;
+        (self.pixel, self.video) = (None, None);
+        self.gizmo.clear();
+        // Steps of other lights cannot be undone.
+        if anew || !lights.has_the_file_of(&self.lights) {
+            self.history = History::default();
+        }
+        self.lights = lights;
+        if anew {
+            self.edited.clear();
+        }
+        (self.args, self.settings, self.caches) = (args.clone(), chosen, count);
+        self.look.behind = self.args.look().behind;
+        let scene = self.engine.as_ref().map(|engine| engine.scene().clone()).unwrap_or_default();
+        print(&format!(
+            "scene     {}: {} triangles, {} caches",
+            scene.name,
+            thousands(scene.triangle_count()),
+            thousands(count)
+        ));
+        if anew && !same {
+            self.bookmarks = [None; 9];
+            self.clip.animation = None;
+            (self.clip.time, self.clip.playing) = (0.0, false);
+            self.seen = self.args.camera.as_ref().map_or(Seen::OfScene(0), |wanted| begin_at(&scene, wanted));
+        }
+        self.clip.animation = self.clip.animation.filter(|clip| *clip < scene.animations().count());
+        let is_there = |seen: &Seen| !matches!(seen, Seen::OfScene(index) if *index >= scene.cameras.len());
+        self.bookmarks = self.bookmarks.map(|seen| seen.filter(is_there));
+        if let Seen::OfScene(index) = self.seen
+            && index >= scene.cameras.len()
+        {
+            self.seen = Seen::OfScene(0);
+        }
+        if let Some(Opened { session, .. }) = session {
+            session::apply(session, self);
+        }
+        if session.is_some() || (anew && !same) {
+            self.session = session.map(|opened| opened.file.clone());
+        }
+        if self.clip.animation.is_some() {
+            self.pose(gpu);
+        }
+        if let Some(path) = self.args.scene.as_deref().filter(|_| anew) {
+            recent::add(path);
+        }
+        Ok(())
+    }
+}
+
+/// The camera that `--camera` requests.
+fn begin_at(scene: &Scene, wanted: &str) -> Seen {
+    let index = wanted.parse().ok().or_else(|| scene.cameras.iter().position(|camera| camera.name == wanted));
+    match (Free::parse(wanted), index) {
+        (Some(free), _) => Seen::Free(free),
+        (None, index) => Seen::OfScene(index.unwrap_or(0)),
+    }
+}
+
+/// Copies visibility and edited materials from the old scene, if the new scene has the same number of each.
+fn keep_edits(old: &Scene, new: &mut Scene, edited: &BTreeSet<usize>) {
+    if old.instances.len() == new.instances.len() {
+        for (old, new) in old.instances.iter().zip(&mut new.instances) {
+            new.hidden = old.hidden;
+        }
+    }
+    if old.materials.len() == new.materials.len() {
+        for index in edited {
+            copy_edits(&old.materials[*index], &mut new.materials[*index]);
+        }
+    }
+}
