@@ -3,7 +3,9 @@
 use crate::cli::{ATRIUM, folder, works};
 use crate::common::{apart, assert_clean, frame_of, open};
 use crate::gpu::{SCREEN, add, image, validated};
-use lightskin::gpu::{Attach, Attachments, Cmd, Cull, Depth, Extent, Format, Gpu, Image, Load, Raster, Validation};
+use lightskin::gpu::{
+    Attach, Attachments, Buffer, Cmd, Cull, Depth, Extent, Format, Gpu, Image, Load, Pipeline, Raster, Validation,
+};
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -85,6 +87,81 @@ fn a_frame_that_is_given_up_leaves_nothing_behind() {
     }
 }
 
+/// A number, and a buffer and a texture with it as their content.
+type Made = (u32, Buffer, Image, Pipeline);
+
+#[test]
+fn another_thread_makes_and_drops_what_frames_do_not_wait_for() {
+    if apart() {
+        return;
+    }
+    for gpu in validated() {
+        let before = gpu.counters();
+        let (give, take) = std::sync::mpsc::channel();
+        let device = gpu.device().clone();
+        let maker = std::thread::spawn(move || {
+            for i in 0..300_u32 {
+                let buffer = device.buffer_from("test.made", &[i; 64]).expect("buffer");
+                let level: Vec<u8> = [i as f32; 16].iter().flat_map(|v| v.to_le_bytes()).collect();
+                let image = device.texture("test.texture", Format::R32_SFLOAT, 4, 4, &[level]).expect("texture");
+                let pipeline = device.raster(&SCREEN).expect("pipeline");
+                // Others are dropped before, while or after their content is copied.
+                if i % 3 == 0 {
+                    give.send((i, buffer, image, pipeline)).expect("wanted");
+                }
+            }
+        });
+        let (sum, mut made) = (gpu.buffer("test.sum", 4).expect("buffer"), Vec::<Made>::new());
+        let add = add(&gpu, 1);
+        while !maker.is_finished() {
+            let frame = gpu.frame(|cmd| {
+                if let Some((_, _, image, _)) = made.last() {
+                    cmd.bind(&add, &[(&sum).into(), image.into()]);
+                    cmd.dispatch(1, 1, 1);
+                }
+                Ok(())
+            });
+            assert_eq!(frame.expect("frame").problems, [""; 0]);
+            made.extend(take.try_iter());
+        }
+        maker.join().expect("made");
+        made.extend(take.try_iter());
+        assert_eq!(made.len(), 100);
+        for (i, buffer, image, _) in &made {
+            assert_eq!(gpu.read::<u32>(buffer).expect("read"), [*i; 64]);
+            let frame = gpu.frame(|cmd| {
+                cmd.bind(&add, &[(&sum).into(), image.into()]);
+                cmd.dispatch(1, 1, 1);
+                Ok(())
+            });
+            assert_eq!(frame.expect("frame").problems, [""; 0]);
+            assert_eq!(gpu.read::<f32>(&sum).expect("read"), [*i as f32 + 1.0]);
+        }
+        // Content that no submission copies goes with its resource.
+        drop(gpu.buffer_from("test.dropped", &[0_u32; 64]).expect("buffer"));
+        drop((made, sum, add));
+        gpu.forget_pipelines();
+        gpu.wait().expect("done");
+        let after = gpu.counters();
+        assert_eq!((after.buried, after.sets, after.resources), (0, 0, before.resources), "{after:?}");
+        assert_clean(&gpu);
+    }
+}
+
+#[test]
+fn a_device_that_another_thread_holds_is_closed_after_it() {
+    if apart() {
+        return;
+    }
+    let gpu = open(Validation::Sync);
+    let device = gpu.device().clone();
+    // Its content is never copied.
+    let buffer = device.buffer_from("test.made", &[1_u32; 64]).expect("buffer");
+    assert_clean(&gpu);
+    drop(gpu);
+    std::thread::spawn(move || drop((buffer, device))).join().expect("dropped");
+}
+
 #[test]
 fn nothing_piles_up_of_what_is_made_and_dropped() {
     if apart() {
@@ -143,7 +220,7 @@ fn what_is_dropped_on_another_thread_is_destroyed_in_time() {
     let gpu = open(Validation::Sync);
     let mut frames = Vec::new();
     std::thread::scope(|threads| {
-        let (send, receive) = std::sync::mpsc::channel::<lightskin::gpu::Buffer>();
+        let (send, receive) = std::sync::mpsc::channel::<Buffer>();
         threads.spawn(move || receive.into_iter().for_each(drop));
         for _ in 0..200 {
             let frame = gpu.frame(|cmd| {
