@@ -238,6 +238,7 @@ impl Document {
         // All of the new scene must fit, so that the old one can stay if it does not.
         let make = move || -> Result<Uploaded> {
             let engine = Engine::new(&device, loaded, &settings)?;
+            engine.prepare(&device)?;
             let picture = Some(size).filter(|size| !size.contains(&0)).map(|size| engine.picture(&device, size));
             Ok(Uploaded { picture: picture.transpose()?, engine })
         };

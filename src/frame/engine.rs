@@ -123,6 +123,15 @@ impl Engine {
         Ok(Self { scene: Arc::new(scene), world, light, settings: *settings, job: None })
     }
 
+    /// Creates what other settings may need of the scene, so that changes of settings do not wait for it. It takes
+    /// memory that the current settings may not use.
+    ///
+    /// # Errors
+    /// As `World::new`.
+    pub fn prepare(&self, gpu: &Device) -> Result<()> {
+        self.world.make_all(gpu, &self.scene)
+    }
+
     /// Takes the scene, with all edits, and its caches back from the device. With these, `new` makes the same engine on
     /// another device, for example after the loss of this one.
     pub fn into_loaded(self) -> Loaded {

@@ -353,6 +353,12 @@ impl World {
         Ok(())
     }
 
+    /// Creates what is otherwise created on the first call.
+    pub(super) fn make_all(&self, gpu: &Device, scene: &Scene) -> Result<()> {
+        self.make_albedos(gpu, scene)?;
+        if self.features.rays { self.make_rays(gpu, scene) } else { Ok(()) }
+    }
+
     /// Builds BVHs over the scene in the state `now`. The next frame refits those of deformed meshes.
     fn rays_of(&self, gpu: &Device, scene: &Scene, now: &Dynamic, moves: Vec<bool>) -> Result<RayBuffers> {
         let is_area = &self.area_lights.triangles();
