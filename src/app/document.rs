@@ -238,13 +238,13 @@ impl Document {
         };
     }
 
-    /// Edits the scene. The next frame shows the change.
+    /// Edits the scene. The next frame shows the change, or the first one after another upload of the scene.
     pub(super) fn edit(&mut self, gpu: &Gpu, change: impl FnOnce(&mut Scene)) {
         self.changes += 1;
-        if let Some(engine) = &mut self.engine
-            && let Err(error) = engine.edit(gpu, change)
-        {
-            lost::report(&error.into());
+        match self.engine.as_mut().map(|engine| engine.edit_in_place(gpu, change)) {
+            Some(Ok(false)) => self.upload_again(gpu),
+            Some(Err(error)) => lost::report(&error.into()),
+            Some(Ok(true)) | None => {}
         }
     }
 
@@ -281,17 +281,23 @@ impl Document {
     /// Fails if the device is lost, or nothing can be shown.
     pub(super) fn fit(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<bool> {
         self.asked = size;
+        // What takes long is made on another thread. Until then the previous settings stay.
+        let is_ready = self.engine.as_ref().is_none_or(|engine| engine.is_ready_for(&self.settings));
+        if !is_ready {
+            self.upload_again(gpu);
+        }
+        let settings = if is_ready { self.settings } else { self.fitted };
         let kept = self.picture.as_ref().map(Picture::size);
         let refused = self.refused == Some((size, self.settings));
         let wanted = if refused { kept } else { Some(size).filter(|size| !size.contains(&0)) };
-        let Err(error) = self.try_fit(gpu, wanted) else {
+        let Err(error) = self.try_fit(gpu, settings, wanted) else {
             self.refused = self.refused.filter(|_| refused);
             return Ok(true);
         };
         if lost::is_loss(&error) || self.drawn.is_none() {
             return Err(error);
         }
-        if wanted != kept && self.try_fit(gpu, kept).is_ok() {
+        if wanted != kept && self.try_fit(gpu, settings, kept).is_ok() {
             let kept = kept.map_or("there is no picture".into(), |[w, h]| format!("the picture stays at {w}x{h}"));
             log::error!("{error:#}; {kept}");
             self.refused = Some((size, self.settings));
@@ -306,9 +312,9 @@ impl Document {
     }
 
     /// Adapts light and picture. Without a size there is no picture.
-    fn try_fit(&mut self, gpu: &Gpu, size: Option<[u32; 2]>) -> Result<()> {
+    fn try_fit(&mut self, gpu: &Gpu, settings: Settings, size: Option<[u32; 2]>) -> Result<()> {
         let Some(engine) = &mut self.engine else { return Ok(()) };
-        engine.set(&self.settings);
+        engine.set(&settings);
         match (&mut self.picture, size) {
             (Some(picture), Some(size)) => engine.fit(gpu, &mut [(picture, size)])?,
             (picture, size) => {
@@ -316,7 +322,7 @@ impl Document {
                 *picture = size.map(|size| engine.picture(gpu, size)).transpose()?;
             }
         }
-        self.fitted = self.settings;
+        self.fitted = settings;
         Ok(())
     }
 

@@ -40,7 +40,8 @@ struct Job {
 
 enum Step {
     Load(JoinHandle<Result<Loaded>>),
-    Upload(Thread<Uploaded>, Box<Prepared>),
+    /// Without `Prepared`, the present scene is uploaded again.
+    Upload(Thread<Uploaded>, Option<Box<Prepared>>),
 }
 
 /// A thread that uses the device, which must not be closed before it ends. So dropping this waits.
@@ -50,6 +51,8 @@ struct Thread<T>(Option<JoinHandle<Result<T>>>);
 struct Uploaded {
     engine: Engine,
     picture: Option<Picture>,
+    /// Settings of its light.
+    fitted: Settings,
 }
 
 /// What goes with a scene that is being uploaded.
@@ -162,6 +165,11 @@ impl Document {
         self.loading.job.as_ref().map_or(&self.args, |job| &job.args)
     }
 
+    /// Whether edits or settings are not visible yet, because the scene is being uploaded again.
+    pub(super) fn is_behind(&self) -> bool {
+        matches!(&self.loading.job, Some(Job { step: Step::Upload(_, None), .. }))
+    }
+
     /// Progress of the job from 0 to 1, and its current step. `None` without a job.
     pub(super) fn progress(&self) -> Option<(f32, String)> {
         self.loading.job.as_ref().map(|job| job.progress.get())
@@ -181,13 +189,17 @@ impl Document {
         let Some(Job { step, progress, args, anew, session }) = self.loading.job.take_if(is_finished) else {
             return Ok(false);
         };
+        let is_again = matches!(step, Step::Upload(_, None));
         let done = match step {
             Step::Load(thread) => joined(thread)
                 .and_then(|loaded| self.upload(gpu, loaded, (&args, anew, session.as_ref()), &progress))
                 .map(Some),
             Step::Upload(thread, prepared) => thread
                 .join()
-                .and_then(|uploaded| self.take(gpu, uploaded, *prepared, (&args, anew, session.as_ref())))
+                .and_then(|uploaded| match prepared {
+                    Some(prepared) => self.take(gpu, uploaded, *prepared, (&args, anew, session.as_ref())),
+                    None => self.take_again(gpu, uploaded),
+                })
                 .map(|()| None),
         };
         match (done, &self.engine) {
@@ -196,6 +208,11 @@ impl Document {
             (Err(error), _) if lost::is_loss(&error) => {
                 self.start(args, anew, session);
                 return Err(error);
+            }
+            // Settings that need more of the scene may be why it was uploaded again.
+            (Err(error), Some(_)) if self.settings != self.fitted && is_again => {
+                log::error!("{error:#}; the previous settings are restored");
+                self.settings = self.fitted;
             }
             (Err(error), Some(_)) => log::error!("{error:#}; the scene stays as it was"),
             (Err(error), None) => return Err(error),
@@ -234,20 +251,39 @@ impl Document {
         }
         let prepared = Prepared { settings, keeps_settings, count, lights, of_file, changes: self.changes };
         progress.set(1.0, "upload");
+        Ok(Step::Upload(self.upload_thread(gpu, settings, || loaded), Some(Box::new(prepared))))
+    }
+
+    /// Uploads the present scene again, for an edit or settings that need it. A job that loads the scene copies all edits anyway.
+    pub(super) fn upload_again(&mut self, gpu: &Gpu) {
+        let (false, Some(engine)) = (self.loading.works(), &self.engine) else { return };
+        let (scene, caches, progress) = (engine.scene().clone(), engine.baked().cloned(), Progress::default());
+        progress.set(1.0, "upload");
+        let thread = self.upload_thread(gpu, self.settings, move || Loaded { scene: Scene::clone(&scene), caches });
+        let step = Step::Upload(thread, None);
+        self.loading.replace(Some(Job { step, progress, args: self.args.clone(), anew: false, session: None }));
+    }
+
+    /// Puts a scene onto the device on another thread.
+    fn upload_thread(
+        &self,
+        gpu: &Gpu,
+        settings: Settings,
+        loaded: impl FnOnce() -> Loaded + Send + 'static,
+    ) -> Thread<Uploaded> {
         let (device, size) = (gpu.device().clone(), self.picture.as_ref().map_or(self.asked, Picture::size));
         // All of the new scene must fit, so that the old one can stay if it does not.
         let make = move || -> Result<Uploaded> {
+            let loaded = loaded();
             let engine = Engine::new(&device, loaded, &settings)?;
-            engine.prepare(&device)?;
             let picture = Some(size).filter(|size| !size.contains(&0)).map(|size| engine.picture(&device, size));
-            Ok(Uploaded { picture: picture.transpose()?, engine })
+            Ok(Uploaded { picture: picture.transpose()?, engine, fitted: settings })
         };
         let rest = self.rest.clone();
-        let thread = match self.engine {
+        match self.engine {
             None => Thread::start(make),
             Some(_) => Thread::start(move || rest.first(make)),
-        };
-        Ok(Step::Upload(thread, Box::new(prepared)))
+        }
     }
 
     /// Whether the present scene is from the file of these arguments, even with another sky or other caches.
@@ -255,11 +291,22 @@ impl Document {
         self.engine.is_some() && args.scene == self.args.scene
     }
 
+    /// Shows the present scene as it was uploaded again, with all edits since.
+    fn take_again(&mut self, gpu: &Gpu, Uploaded { mut engine, picture, fitted }: Uploaded) -> Result<()> {
+        if let Some(old) = &self.engine {
+            let scene = old.scene().clone();
+            engine.edit(gpu, |new| new.clone_from(&scene))?;
+        }
+        (self.engine, self.picture, self.fitted, self.refused) = (Some(engine), picture, fitted, None);
+        self.changes += 1;
+        Ok(())
+    }
+
     /// Shows a scene that is on the device.
     fn take(
         &mut self,
         gpu: &Gpu,
-        Uploaded { mut engine, picture }: Uploaded,
+        Uploaded { mut engine, picture, fitted }: Uploaded,
         Prepared { settings, keeps_settings, count, mut lights, of_file, changes }: Prepared,
         (args, anew, session): (&Args, bool, Option<&Opened>),
     ) -> Result<()> {
@@ -273,7 +320,7 @@ impl Document {
         }
         let same = anew && self.shows(args);
         let chosen = if keeps_settings { self.settings } else { settings };
-        (self.engine, self.fitted, self.refused) = (Some(engine), settings, None);
+        (self.engine, self.fitted, self.refused) = (Some(engine), fitted, None);
         self.picture = picture;
         self.changes += 1;
         (self.pixel, self.video) = (None, None);
@@ -338,7 +385,7 @@ fn begin_at(scene: &Scene, wanted: &str) -> Seen {
 fn keep_edits(old: &Scene, new: &mut Scene, edited: &BTreeSet<usize>) {
     if old.instances.len() == new.instances.len() {
         for (old, new) in old.instances.iter().zip(&mut new.instances) {
-            new.hidden = old.hidden;
+            (new.hidden, new.moves) = (old.hidden, old.moves);
         }
     }
     if old.materials.len() == new.materials.len() {

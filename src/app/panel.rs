@@ -500,7 +500,10 @@ fn scene(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
     );
     if let Some((index, hidden)) = toggled {
         document.history.change();
-        document.edit(gpu, |scene| scene.instances[index].hidden = hidden);
+        document.edit(gpu, |scene| {
+            let instance = &mut scene.instances[index];
+            (instance.hidden, instance.moves) = (hidden, true);
+        });
     }
 }
 

@@ -77,6 +77,7 @@ impl Document {
             }
             if scene.instances.len() == edits.hidden.len() {
                 for (instance, hidden) in scene.instances.iter_mut().zip(&edits.hidden) {
+                    instance.moves |= instance.hidden != *hidden;
                     instance.hidden = *hidden;
                 }
             }

@@ -501,7 +501,7 @@ impl Open {
         let mut in_frame = begin.elapsed();
         self.document.drawn = view;
         self.film_frame(filmed)?;
-        while let Some(wish) = self.waiting.first() {
+        while let (false, Some(wish)) = (self.document.is_behind(), self.waiting.first()) {
             let done = match wish {
                 Wish::Copy => self.copy_command(),
                 Wish::SaveLayers => self.save("exr"),

@@ -123,15 +123,6 @@ impl Engine {
         Ok(Self { scene: Arc::new(scene), world, light, settings: *settings, job: None })
     }
 
-    /// Creates what other settings may need of the scene, so that changes of settings do not wait for it. It takes
-    /// memory that the current settings may not use.
-    ///
-    /// # Errors
-    /// As `World::new`.
-    pub fn prepare(&self, gpu: &Device) -> Result<()> {
-        self.world.make_all(gpu, &self.scene)
-    }
-
     /// Takes the scene, with all edits, and its caches back from the device. With these, `new` makes the same engine on
     /// another device, for example after the loss of this one.
     pub fn into_loaded(self) -> Loaded {
@@ -158,6 +149,12 @@ impl Engine {
         &self.settings
     }
 
+    /// Whether the scene on the device has what these settings need. Otherwise the next `fit` creates it, which may take
+    /// seconds: the BVHs, and the reflectances of the caches. A new engine has all that its settings need.
+    pub fn is_ready_for(&self, settings: &Settings) -> bool {
+        self.world.is_ready_for(settings)
+    }
+
     /// Changes the settings; they take effect at the next `fit`.
     pub fn set(&mut self, settings: &Settings) {
         self.settings = *settings;
@@ -177,6 +174,27 @@ impl Engine {
         let updated = self.world.update(gpu, &scene);
         self.scene = scene;
         updated
+    }
+
+    /// As `edit`, if the change only rewrites what is on the device. Otherwise returns false: `scene` has the change, but
+    /// frames keep showing the old state. A new engine of `scene` and `baked`
+    /// shows the change; it can be made on another thread.
+    ///
+    /// # Errors
+    /// As `edit`.
+    pub fn edit_in_place(&mut self, gpu: &Device, change: impl FnOnce(&mut Scene)) -> Result<bool> {
+        // Avoids a copy unless a job or the caller still reads the scene.
+        let mut scene = std::mem::take(&mut self.scene);
+        change(Arc::make_mut(&mut scene));
+        let in_place = self.world.updates_in_place(&scene);
+        let updated = if in_place { self.world.update(gpu, &scene) } else { Ok(()) };
+        self.scene = scene;
+        updated.map(|()| in_place)
+    }
+
+    /// The caches of the scene, as a job made them.
+    pub fn baked(&self) -> Option<&CacheSet> {
+        self.world.baked()
     }
 
     /// Replaces the scene, or its caches. Takes effect at the next `fit`.

@@ -326,6 +326,11 @@ impl World {
     }
 
     /// The caches as baked.
+    pub(super) fn baked(&self) -> Option<&CacheSet> {
+        self.caches.as_ref()
+    }
+
+    /// The caches as baked.
     pub(super) fn into_caches(self) -> Option<CacheSet> {
         self.caches
     }
@@ -353,10 +358,10 @@ impl World {
         Ok(())
     }
 
-    /// Creates what is otherwise created on the first call.
-    pub(super) fn make_all(&self, gpu: &Device, scene: &Scene) -> Result<()> {
-        self.make_albedos(gpu, scene)?;
-        if self.features.rays { self.make_rays(gpu, scene) } else { Ok(()) }
+    /// Whether all that is created on request and that these settings need is there.
+    pub(super) fn is_ready_for(&self, settings: &Settings) -> bool {
+        let plan = self.plan(settings);
+        (!plan.rays() || self.rays.get().is_some()) && (plan.bounces == 0 || self.albedos.get().is_some())
     }
 
     /// Builds BVHs over the scene in the state `now`. The next frame refits those of deformed meshes.

@@ -236,6 +236,23 @@ pub(super) fn normal_matrix(linear: DMat3) -> (DMat3, f64) {
 }
 
 impl World {
+    /// Whether materials differ so much from the uploaded ones that all of the scene must be uploaded again.
+    fn needs_upload(&self, scene: &Scene) -> bool {
+        let Features { areas, emits, rays, .. } = self.features;
+        !self.structure.has_materials_of(scene)
+            || self.features != Features { rays, ..Features::new(scene, areas, emits) }
+    }
+
+    /// Whether `update` only rewrites what the scene has on the device. Otherwise it uploads the scene again, or builds
+    /// BVHs anew because an instance is hidden or shown for the first time.
+    pub(in crate::frame) fn updates_in_place(&self, scene: &Scene) -> bool {
+        let is_known = |rays: &super::RayBuffers| {
+            let hidden = scene.instances.iter().map(|instance| instance.hidden).zip(&self.dynamic.hidden);
+            hidden.zip(rays.moves()).all(|((now, before), moves)| now == *before || *moves)
+        };
+        !self.needs_upload(scene) && self.rays.get().is_none_or(is_known)
+    }
+
     /// Takes over the current state of the scene. Frames recorded from now on show it. The cost depends on the changes:
     ///
     /// - Transforms, poses, light values and material values: each kind that has changed is copied.
@@ -254,9 +271,7 @@ impl World {
                 "the scene's models differ from the uploaded ones: bake and load it again".into(),
             ));
         }
-        let Features { areas, emits, rays, .. } = self.features;
-        let features = Features { rays, ..Features::new(scene, areas, emits) };
-        if !self.structure.has_materials_of(scene) || self.features != features {
+        if self.needs_upload(scene) {
             let caches = self.caches.take();
             let made = Self::new(gpu, scene, caches.as_ref());
             self.caches = caches;
