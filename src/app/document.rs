@@ -4,6 +4,7 @@ use super::background::Rest;
 use super::camera::{Free, Seen, point_at};
 use super::canvas::Shown;
 use super::gizmo::Gizmo;
+use super::inset::Insets;
 use super::marks::Marks;
 use super::pixel::Pixel;
 use super::recent;
@@ -80,6 +81,7 @@ pub(super) struct Document {
     /// Ends of the false-colour scales of distance [m] and luminance [cd/m^2].
     pub(super) scales: [[f32; 2]; 2],
     pub(super) marks: Marks,
+    pub(super) insets: Insets,
     /// The pixel that was picked last.
     pub(super) pixel: Option<Pixel>,
     pub(super) seen: Seen,
@@ -100,6 +102,8 @@ pub(super) struct Document {
     pub(super) material: usize,
     /// Indices of the materials that were edited.
     pub(super) edited: BTreeSet<usize>,
+    /// The materials of the file.
+    pub(super) of_file: Vec<Material>,
     /// File of the session, if it has one.
     pub(super) session: Option<PathBuf>,
     watch: Option<Watch>,
@@ -125,6 +129,7 @@ impl Document {
             shown: Shown::Picture,
             scales: [[0.1, 10.0], [1.0, 1000.0]],
             marks: Marks::default(),
+            insets: Insets::default(),
             pixel: None,
             seen: Seen::OfScene(0),
             bookmarks: [None; 9],
@@ -138,6 +143,7 @@ impl Document {
             changes: 0,
             material: 0,
             edited: BTreeSet::new(),
+            of_file: Vec::new(),
             session: None,
             watch: None,
             job: None,
@@ -244,6 +250,7 @@ impl Document {
             .as_ref()
             .map_or(0, |caches| caches.instance_model.iter().map(|model| caches.models[*model].caches.len()).sum());
         let mut settings = usual(&args, count, self.ways);
+        let of_file = loaded.scene.materials.clone();
         let mut lights = match &self.engine {
             Some(old) if !anew && session.is_none() => {
                 keep_edits(old.scene(), &mut loaded.scene, &self.edited);
@@ -266,6 +273,7 @@ impl Document {
         self.picture = self.picture.as_ref().map(|old| engine.picture(gpu, old.size())).transpose()?;
         (self.engine, self.fitted, self.refused) = (Some(engine), settings, None);
         self.changes += 1;
+        self.of_file = of_file;
         (self.pixel, self.video) = (None, None);
         self.gizmo.clear();
         // Steps of other lights cannot be undone.
@@ -484,6 +492,7 @@ impl Document {
     /// Drops everything on the device besides the engine.
     pub(super) fn leave_device(&mut self) {
         (self.picture, self.refused) = (None, None);
+        self.insets.leave_device();
     }
 
     /// The view of the current camera and picture size.
@@ -568,4 +577,5 @@ fn keep_edits(old: &Scene, new: &mut Scene, edited: &BTreeSet<usize>) {
 pub(super) fn copy_edits(old: &Material, new: &mut Material) {
     (new.base_color, new.emissive) = (old.base_color, old.emissive);
     (new.roughness, new.metallic) = (old.roughness, old.metallic);
+    (new.subsurface, new.base_color_texture) = (old.subsurface, old.base_color_texture);
 }
