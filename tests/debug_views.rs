@@ -39,9 +39,9 @@ fn false_colors_are_turbo() {
 }
 
 const FLOAT: Format = Format::R32G32B32A32_SFLOAT;
-const BYTES: Format = Format::R8G8B8A8_UNORM;
+pub(crate) const BYTES: Format = Format::R8G8B8A8_UNORM;
 
-fn pass(gpu: &Gpu, vertex: &'static str, fragment: &'static str, shape: Shape) -> Pipeline {
+pub(crate) fn pass(gpu: &Gpu, vertex: &'static str, fragment: &'static str, shape: Shape) -> Pipeline {
     let raster = Raster {
         vertex,
         fragment: Some(fragment),
@@ -61,7 +61,7 @@ fn texture(gpu: &Gpu, [width, height]: [u32; 2], texels: &[[f32; 4]]) -> Image {
 }
 
 /// A layer whose texels are the pixels.
-const ONE_TO_ONE: LayerPush = LayerPush {
+pub(crate) const ONE_TO_ONE: LayerPush = LayerPush {
     how: 0,
     tonemap: 0,
     left: 0,

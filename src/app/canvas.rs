@@ -312,13 +312,9 @@ impl Canvas {
         draw.area([0, 0, self.image.width, self.image.height]);
     }
 
-    /// Draws a part of an image with texels as squares, if its place is in the window.
+    /// Draws a part of an image with texels as squares.
     fn draw_inset(&self, draw: &Draw<'_, '_>, scenery: &Scenery<'_>, inset: &Inset<'_>) {
         let [left, top, side] = inset.place;
-        let [width, height] = self.size();
-        if side == 0 || left + side > width || top + side > height {
-            return;
-        }
         let image = Bind::from(inset.image);
         draw.bind(&self.layer, &[image, (&scenery.picture.output.exposure).into(), image, image]);
         let ([low, high], [first_column, first_row]) = (inset.scale, inset.first);
@@ -337,7 +333,7 @@ impl Canvas {
         });
         draw.area([left, top, side, side]);
         draw.draw(3);
-        draw.area([0, 0, width, height]);
+        draw.area([0, 0, self.image.width, self.image.height]);
     }
 
     fn draw_marks(&self, draw: &Draw<'_, '_>, scenery: &Scenery<'_>) {

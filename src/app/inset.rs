@@ -66,6 +66,8 @@ pub(super) struct Insets {
     pub(super) found: Option<NearestCache>,
     /// Corner and side in the window [pixels] of the map and the depth image.
     pub(super) places: [[u32; 3]; 2],
+    /// Sides of both [texels] for which they were placed. `None` without the image.
+    pub(super) sides: [Option<u32>; 2],
     rsm: Option<RsmCopy>,
     nearest: Option<Nearest>,
 }
@@ -80,6 +82,7 @@ impl Default for Insets {
             pointer: [0.5; 2],
             found: None,
             places: [[0; 3]; 2],
+            sides: [None; 2],
             rsm: None,
             nearest: None,
         }
@@ -118,24 +121,35 @@ impl Insets {
         images.map(|_| DEPTH_IMAGE_SIDE).ok_or("No depth image: only GI shadows per virtual light need them.")
     }
 
-    /// Whether an RSM is shown.
-    fn shows_rsm(&self, engine: &Engine) -> bool {
-        ![Map::Off, Map::Shadow].contains(&self.map) && self.map_side(engine).is_ok()
+    /// Sides of the map and the depth image [texels], as far as they are shown.
+    fn sides_now(&self, engine: &Engine) -> [Option<u32>; 2] {
+        let map = Some(()).filter(|()| self.map != Map::Off).and_then(|()| self.map_side(engine).ok());
+        let depth_image = Some(()).filter(|()| self.depth_image).and_then(|()| Self::depth_image_side(engine).ok());
+        [map, depth_image]
     }
 
-    /// Creates what the insets need and drops the rest.
-    pub(super) fn fit(&mut self, gpu: &Gpu, engine: &Engine) -> Result<()> {
-        let rsm = engine.light().rsm.as_ref().filter(|_| self.shows_rsm(engine));
+    /// Creates what the insets need and drops the rest, for a window of this size [pixels]. Returns whether they must be
+    /// placed again, because light or settings have changed since.
+    pub(super) fn fit(&mut self, gpu: &Gpu, engine: &Engine, window: [u32; 2]) -> Result<bool> {
+        let sides = self.sides_now(engine);
+        for (place, side) in self.places.iter_mut().zip(sides) {
+            let [left, top, size] = *place;
+            if side.is_none() || left + size > window[0] || top + size > window[1] {
+                *place = [0; 3];
+            }
+        }
+        let [shows_map, shows_depth_image] = self.places.map(|[.., side]| side > 0);
+        let rsm = engine.light().rsm.as_ref().filter(|_| shows_map && self.map != Map::Shadow);
         self.rsm = match (self.rsm.take(), rsm) {
             (Some(copy), Some(rsm)) if copy.fits(rsm) => Some(copy),
             (_, rsm) => rsm.map(|rsm| RsmCopy::new(gpu, rsm)).transpose()?,
         };
-        if !self.depth_image || Self::depth_image_side(engine).is_err() {
+        if !shows_depth_image {
             (self.nearest, self.found) = (None, None);
         } else if self.nearest.is_none() {
             self.nearest = Some(Nearest::new(gpu)?);
         }
-        Ok(())
+        Ok(sides != self.sides)
     }
 
     /// Drops everything on the device.
@@ -150,8 +164,10 @@ impl Insets {
         }
         let _zone = cmd.zone("insets");
         let chosen = self.chosen(engine.world());
-        if let (Some(copy), Some(rsm), Some((light, _, view))) = (&mut self.rsm, &engine.light().rsm, chosen) {
-            copy.record(cmd, engine.world(), rsm, (light, view));
+        if let (Some(copy), Some(rsm), Some((light, _, view))) = (&mut self.rsm, &engine.light().rsm, chosen)
+            && copy.record(cmd, engine.world(), rsm, (light, view))
+        {
+            cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead);
         }
         if let Some(nearest) = &self.nearest {
             nearest.record(cmd, engine, (view, picture), self.pointer);
@@ -170,7 +186,7 @@ impl Insets {
         [far / RANGE, far]
     }
 
-    /// The insets to draw.
+    /// The insets to draw. Each has a place.
     pub(super) fn drawn<'a>(&'a self, engine: &'a Engine) -> Vec<Inset<'a>> {
         let of_cache = self.nearest.as_ref().map(|nearest| Inset {
             image: &nearest.image,
@@ -182,7 +198,7 @@ impl Insets {
             scale: Self::scale(farthest(engine.world())),
             place: self.places[1],
         });
-        self.map(engine).into_iter().chain(of_cache).collect()
+        self.map(engine).into_iter().chain(of_cache).filter(|inset| inset.place[2] > 0).collect()
     }
 
     /// The shown map of a light.

@@ -258,23 +258,23 @@ impl RsmCopy {
         self.depth.width == rsm.depth.width && self.inside.is_some() == rsm.inside.is_some()
     }
 
-    /// Draws a view of a light, counted from 0, unless the images already have it. To be recorded after stage 4.
-    /// Fragment shaders may then read the images.
+    /// Draws a view of a light, counted from 0, unless the images already have it. To be recorded after stage 4. Returns
+    /// whether anything was drawn: then a barrier must follow before the images are read.
     ///
     /// # Panics
     /// Panics if the images do not fit, or there is no such light or view.
-    pub fn record(&mut self, cmd: &Cmd<'_>, world: &World, rsm: &Rsm, (light, view): (usize, u32)) {
+    pub fn record(&mut self, cmd: &Cmd<'_>, world: &World, rsm: &Rsm, (light, view): (usize, u32)) -> bool {
         assert!(self.fits(rsm), "images of another size or number than those of stage 4");
         let info = &world.lights()[light];
         assert!(view < info.views, "view {view} of {}", info.views);
         let of_light = [world.revisions.surfaces, world.revisions.lights[light]];
         if !self.made.renew(of_light.into_iter().chain([light as u64, view.into()])) {
-            return;
+            return false;
         }
         let colors: Vec<&Image> =
             [&self.position, &self.normal, &self.albedo].into_iter().chain(&self.inside).collect();
         rsm.draw_view(cmd, world, (info, info.first_view + view), (&colors, &self.depth));
-        cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead);
+        true
     }
 }
 

@@ -68,20 +68,19 @@ pub(in crate::app) fn show(ui: &Ui, document: &mut Document, picture: Rect) {
     let insets = &mut document.insets;
     let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Middle, egui::Id::unique("insets")));
     let painter = painter.with_clip_rect(picture);
-    let most = (MOST * picture.width().min(picture.height())).floor();
-    if most < 1.0 {
-        return;
-    }
+    let most = (MOST * picture.width().min(picture.height())).max(0.0);
     let mut corner = picture.max - egui::vec2(GAP, GAP);
-    insets.places = [[0; 3]; 2];
+    (insets.places, insets.sides) = ([[0; 3]; 2], [None; 2]);
     if insets.map != Map::Off {
         let found = insets.map_side(engine);
         let text = found.map_or_else(|why| why.to_owned(), |_| of_map(insets, engine));
+        insets.sides[0] = found.ok();
         insets.places[0] = place(&painter, &mut corner, most, found.ok(), &text).0;
     }
     if insets.depth_image {
         let found = Insets::depth_image_side(engine);
         let text = found.map_or_else(|why| why.to_owned(), |_| of_cache(insets, engine));
+        insets.sides[1] = found.ok();
         let (place, square) = place(&painter, &mut corner, most, found.ok(), &text);
         insets.places[1] = place;
         if found.is_ok() {

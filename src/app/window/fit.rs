@@ -36,7 +36,15 @@ impl Open {
     /// Creates what the insets need. Without memory for them they are switched off.
     pub(super) fn fit_insets(&mut self) -> Result<()> {
         let Some(engine) = &self.document.engine else { return Ok(()) };
-        let Err(error) = self.document.insets.fit(&self.gpu, engine).map_err(Error::new) else { return Ok(()) };
+        let error = match self.document.insets.fit(&self.gpu, engine, self.canvas.size()) {
+            Ok(changed) => {
+                if changed {
+                    self.redraw();
+                }
+                return Ok(());
+            }
+            Err(error) => Error::new(error),
+        };
         if lost::is_loss(&error) {
             return Err(error);
         }
