@@ -38,10 +38,10 @@ pub(super) fn controls(ui: &mut Ui, document: &mut Document) {
                     virtual lights. All lights draw their RSMs into the same images, one after another. So the chosen one is \
                     drawn again, whenever the light or the scene changes. A shadow map is shown as it is, if each light keeps \
                     its own.";
-        row(ui, "Light's map", help, |ui| choose(ui, "map", &mut insets.map, &maps));
+        row(ui, "Light's map", help, |ui| choose(ui, "inset map", &mut insets.map, &maps));
         if let Some((mut light, info, view)) = insets.chosen(world).filter(|_| insets.map != Map::Off) {
             let help = "The light whose map is shown.";
-            if row(ui, "  of", help, |ui| choose(ui, "map's light", &mut light, &lights)).changed() {
+            if row(ui, "  of", help, |ui| choose(ui, "inset light", &mut light, &lights)).changed() {
                 (insets.light, insets.view) = (light, 0);
             } else if info.views > 1 {
                 let mut number = view + 1;
