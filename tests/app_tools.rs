@@ -326,7 +326,6 @@ fn bodies_are_filled() {
     let white = saved(&mut app);
     assert_eq!(white["subsurface"]["sigma_s"][0], 2190.0, "{white}");
     assert_eq!(white["subsurface"]["scale"], 1.0);
-    // Rows below: colour, mean free path, scale.
     app.press_with("Control", "Z");
     app.settle("");
     assert!(picture(&mut app) == hollow, "undone");
@@ -337,6 +336,7 @@ fn bodies_are_filled() {
     app.settle("");
     assert!(picture(&mut app) == marble, "redone");
 
+    // Rows below: colour, mean free path, scale.
     app.resize(384, 1100);
     app.command();
     app.slide([64 + 130, below + 52], 40, "");
@@ -360,6 +360,12 @@ fn bodies_are_filled() {
     app.line("scene");
     app.settle("");
     assert!(picture(&mut app) == shown, "the session again");
+    // Without the medium the file's colour returns.
+    choose(&mut app, 0);
+    assert!(saved(&mut app)["subsurface"].is_null());
+    app.resize(384, 1000);
+    app.command();
+    assert!(picture(&mut app) == hollow, "empty again");
     app.quit();
 }
 
