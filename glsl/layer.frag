@@ -26,17 +26,18 @@ float luminance_of(vec3 c) {
 }
 
 void main() {
-    ivec2 pixel = ivec2(gl_FragCoord.xy) - ivec2(push.left, push.top);
-    vec3 part = texelFetch(image, pixel, 0).rgb;
+    vec2 from_corner = floor(gl_FragCoord.xy) - vec2(push.left, push.top) + 0.5;
+    ivec2 texel = ivec2(push.first_column, push.first_row) + ivec2(from_corner * push.texels);
+    vec3 part = texelFetch(image, texel, 0).rgb;
     vec3 c = part;
     bool is_broken = broken(part);
     if (push.parts > 1u) {
-        part = texelFetch(second_image, pixel, 0).rgb;
+        part = texelFetch(second_image, texel, 0).rgb;
         c += part;
         is_broken = is_broken || broken(part);
     }
     if (push.parts > 2u) {
-        part = texelFetch(third_image, pixel, 0).rgb;
+        part = texelFetch(third_image, texel, 0).rgb;
         c += part;
         is_broken = is_broken || broken(part);
     }

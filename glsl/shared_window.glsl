@@ -7,16 +7,19 @@ struct UiPush {
     vec2 scale; // from points to clip space
 };
 
-// Push constants of a debug view of one layer.
+// Push constants of a debug view of one layer, or of a part of another image.
 struct LayerPush {
     uint how; // one of LAYER_*
     uint tonemap;
-    uint left; // corner of the picture in the window [pixels]
+    uint left; // corner of the view in the window [pixels]
     uint top;
+    uint first_column; // of the image's shown part [texels]
+    uint first_row;
+    float texels; // per pixel; the texel at a pixel's centre is shown
     uint parts; // number of images to sum, 1 to 3
     float low; // values at the two ends of the false-colour scale
     float high;
-    vec4 depth; // (x + y d) / (z + w d) is the distance [m] of the depth d from the camera's plane
+    vec4 depth; // (x + y d) / (z + w d) is the distance [m] that the image's value d stands for
 };
 
 const uint LAYER_RADIANCE = 0u; // exposed and tone-mapped like the picture
@@ -44,5 +47,20 @@ const uint MARK_HUE = 0u; // caches in arbitrary colours
 const uint MARK_DARK = 1u; // caches in dark grey
 const uint MARK_LIGHT = 2u; // caches by their diffuse light, exposed and tone-mapped like the picture
 const uint MARK_RIMMED = 3u; // VALs and lines in the hue of their light, with a black rim or beginning
+
+// Push constants of the search for the cache nearest to a pixel's surface.
+struct NearestPush {
+    mat4 world_from_clip;
+    uint column; // of the pixel
+    uint row;
+};
+
+// The cache nearest to a pixel's surface, of those that light its side.
+struct NearestCache {
+    uint number; // in the atlas, from 1; 0 without a surface or such a cache
+    vec3 position;
+    vec3 normal;
+    float distance; // from the pixel's surface [m]
+};
 
 #endif

@@ -248,6 +248,103 @@ fn marks_are_drawn_over_the_picture() {
     app.quit();
 }
 
+/// Insets show a light's map with texels as squares, and the depth image of the cache at the pointer. Saved pictures lack
+/// them.
+#[test]
+fn insets_lie_in_a_corner() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_insets");
+    let scene = cornell();
+    let path = scene.to_str().expect("a path");
+    let mut app = App::start(&display, &folder, &[&["view", path, "--size", "160x48"], &SMALL[..]].concat());
+    app.line("scene");
+    app.resize(480, 1000);
+    // Without the discs of lights.
+    app.press("L");
+    // Buttons lie where the previous frame put them, so wait for one frame.
+    app.command();
+    let (x, middle) = (160 + 135, [80, 300]);
+    app.choose([x, 298], 1, "--rsm 32");
+    let plain = png(&folder.join(app.picture())).1;
+    app.tap([160 + 60, 744], "");
+    std::thread::sleep(Duration::from_millis(300));
+    app.settle("");
+    let [map, depth_image] = [849, 875];
+    // The map has 32 x 32 texels. An inset may fill 40 % of the picture's width.
+    let (corner, side) = ([160 - 12 - 64, 1000 - 12 - 64], 64);
+    // The window once it differs from `before` and has come to rest. The pointer is moved off the panels first, so that
+    // no tooltip lies over the picture.
+    let shown = |app: &App, before: &[[u8; 3]], what: &str| {
+        app.move_to(middle);
+        let mut seen = app.changes([160, 1000], before, what);
+        loop {
+            std::thread::sleep(Duration::from_millis(500));
+            let now = app.pixels([0, 0], [160, 1000]);
+            if now == seen {
+                return seen;
+            }
+            seen = now;
+        }
+    };
+    let square = |seen: &[[u8; 3]]| -> Vec<[u8; 3]> {
+        let at = |i: usize| (corner[1] + i / side) * 160 + corner[0] + i % side;
+        (0..side * side).map(|i| seen[at(i)]).collect()
+    };
+    let mut seen = vec![plain.clone()];
+    for entry in [3, 4, 5] {
+        app.choose([x, map], entry, "");
+        let now = shown(&app, &seen[seen.len() - 1], "an RSM");
+        let inset = square(&now);
+        for (i, pixel) in inset.iter().enumerate() {
+            let first = i / side / 2 * 2 * side + i % side / 2 * 2;
+            assert_eq!(*pixel, inset[first], "{entry}: pixel {i} of a texel of 2 x 2 pixels");
+        }
+        let kinds: std::collections::BTreeSet<_> = inset.iter().collect();
+        assert!(kinds.len() > 2, "{entry}: {} colours", kinds.len());
+        assert!(now[..160 * 800] == plain[..160 * 800], "{entry}: the picture around it must stay");
+        seen.push(now);
+    }
+    app.choose([x, map], 2, "");
+    let shadow = shown(&app, &seen[3], "the shadow map");
+    assert!((1..4).all(|i| square(&seen[i]) != square(&shadow)), "the shadow map is another image");
+    // Without a map a text says why.
+    app.choose([x, 324], 5, "--shadow-map rays");
+    let traced = png(&folder.join(app.picture())).1;
+    let why = shown(&app, &shadow, "no map");
+    // The text's background is black over the picture: nothing becomes brighter but the letters.
+    let is_text = |seen: &[[u8; 3]], picture: &[[u8; 3]]| {
+        let (seen, picture) = (square(seen), square(picture));
+        let darker = |(a, b): (&[u8; 3], &[u8; 3])| a != b && (0..3).all(|c| a[c] <= b[c].max(1));
+        let count = seen.iter().zip(&picture).filter(|(a, b)| darker((*a, *b))).count();
+        let same = seen.iter().zip(&picture).filter(|(a, b)| a == b).count();
+        count > 300 && same > 200
+    };
+    assert!(is_text(&why, &traced) && !is_text(&shadow, &plain), "only a text");
+    app.choose([x, map], 1, "");
+    app.choose([x, 324], 3, "");
+    assert!(png(&folder.join(app.picture())).1 == plain, "insets must not change the picture");
+
+    // Shadows per cache need no depth images.
+    app.tap([160 + 112, depth_image], "");
+    let why = shown(&app, &plain, "no depth image");
+    assert!(is_text(&why, &plain), "only a text");
+    app.choose([x, 246], 3, "--shadows per-light");
+    let lit = png(&folder.join(app.picture())).1;
+    let wall = shown(&app, &lit, "a depth image");
+    app.move_to([80, 700]);
+    std::thread::sleep(Duration::from_millis(500));
+    let floor = app.changes([160, 1000], &wall, "the depth image of another cache");
+    // 24 x 24 texels of 2 x 2 pixels.
+    let inner = |seen: &[[u8; 3]]| -> Vec<[u8; 3]> {
+        (0..48 * 48).map(|i| seen[(1000 - 12 - 48 + i / 48) * 160 + 160 - 12 - 48 + i % 48]).collect()
+    };
+    assert!(inner(&wall) != inner(&floor), "another cache sees something else");
+    app.move_to(middle);
+    app.shows_at([160, 1000], &wall, |i| i / 160 > 800, "the first cache again");
+    assert!(png(&folder.join(app.picture())).1 == lit, "insets must not change the picture");
+    app.quit();
+}
+
 /// Without a display the tool says in one line what to do instead.
 #[test]
 fn no_display_is_one_line() {

@@ -287,6 +287,88 @@ fn materials_change_live() {
     app.quit();
 }
 
+/// A medium below a surface is chosen, changed, undone, stored and taken out again. `render` draws the session as the
+/// window shows it.
+#[test]
+fn bodies_are_filled() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_media");
+    let scene = cornell();
+    let scene = scene.to_str().expect("a path");
+    let words = ["view", scene, "--size", "64x48", "--ev", "4"];
+    let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
+    app.line("scene");
+    app.resize(384, 1000);
+    // Buttons lie where the previous frame put them, so wait for one frame.
+    app.command();
+    app.tap([64 + 60, 796], "");
+    std::thread::sleep(Duration::from_millis(300));
+    app.settle("");
+    let picture = |app: &mut App| png(&folder.join(app.picture())).1;
+    let file = std::cell::RefCell::new(std::path::PathBuf::new());
+    let saved = |app: &mut App| -> Value {
+        app.press_with("Control", "S");
+        *file.borrow_mut() = folder.join(app.line("session").split_whitespace().last().expect("a name"));
+        let session = fs::read(&*file.borrow()).expect("a session");
+        let session: Value = serde_json::from_slice(&session).expect("JSON");
+        session["materials"]["white"].clone()
+    };
+    let hollow = picture(&mut app);
+    let [x, below] = [64 + 180, 953];
+    // The list opens upwards. Its first entry is "off".
+    let choose = |app: &mut App, entry: i16| {
+        app.tap([x, below], "");
+        app.tap([x, below - 393 + 25 * entry], "");
+    };
+    choose(&mut app, 7);
+    let marble = picture(&mut app);
+    assert!(marble != hollow, "light must enter the surfaces");
+    let white = saved(&mut app);
+    assert_eq!(white["subsurface"]["sigma_s"][0], 2190.0, "{white}");
+    assert_eq!(white["subsurface"]["scale"], 1.0);
+    app.press_with("Control", "Z");
+    app.settle("");
+    assert!(picture(&mut app) == hollow, "undone");
+    assert!(saved(&mut app)["subsurface"].is_null());
+    app.hold("Shift", true);
+    app.press_with("Control", "Z");
+    app.hold("Shift", false);
+    app.settle("");
+    assert!(picture(&mut app) == marble, "redone");
+
+    // Rows below: colour, mean free path, scale.
+    app.resize(384, 1100);
+    app.command();
+    app.slide([64 + 130, below + 52], 40, "");
+    let white = saved(&mut app);
+    let inside = &white["subsurface"];
+    let [scattered, absorbed] = ["sigma_s", "sigma_a"].map(|name| inside[name][0].as_f64().expect("a number"));
+    let path = 1e3 / (scattered + absorbed);
+    assert!(path > 0.46, "the mean free path must grow from 0.456 mm: {path}");
+    let other = inside["sigma_s"][1].as_f64().expect("a number") + inside["sigma_a"][1].as_f64().expect("a number");
+    assert!((other / 2624.1 - 1.0).abs() < 1e-4, "that of green stays: {other}");
+    app.slide([64 + 130, below + 78], 60, "");
+    let white = saved(&mut app);
+    assert!(white["subsurface"]["scale"].as_f64().is_some_and(|scale| scale > 1.1), "{white}");
+    let shown = picture(&mut app);
+    assert!(shown != marble, "longer paths must change the picture");
+    let session = file.borrow().clone();
+    let name = session.to_str().expect("a path");
+    works(&folder, &["render", name, "--size", "64x1100", "-o", "of_session.png"]);
+    assert!(png(&folder.join("of_session.png")).1 == shown, "the session's picture differs from the window's");
+    app.drop_file(&session);
+    app.line("scene");
+    app.settle("");
+    assert!(picture(&mut app) == shown, "the session again");
+    // Without the medium the file's colour returns.
+    choose(&mut app, 0);
+    assert!(saved(&mut app)["subsurface"].is_null());
+    app.resize(384, 1000);
+    app.command();
+    assert!(picture(&mut app) == hollow, "empty again");
+    app.quit();
+}
+
 /// With `--dev` the window draws by shaders that change while it runs. Shaders that do not compile leave the picture as
 /// it is.
 #[cfg(feature = "glsl")]

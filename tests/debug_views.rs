@@ -39,9 +39,9 @@ fn false_colors_are_turbo() {
 }
 
 const FLOAT: Format = Format::R32G32B32A32_SFLOAT;
-const BYTES: Format = Format::R8G8B8A8_UNORM;
+pub(crate) const BYTES: Format = Format::R8G8B8A8_UNORM;
 
-fn pass(gpu: &Gpu, vertex: &'static str, fragment: &'static str, shape: Shape) -> Pipeline {
+pub(crate) fn pass(gpu: &Gpu, vertex: &'static str, fragment: &'static str, shape: Shape) -> Pipeline {
     let raster = Raster {
         vertex,
         fragment: Some(fragment),
@@ -60,6 +60,21 @@ fn texture(gpu: &Gpu, [width, height]: [u32; 2], texels: &[[f32; 4]]) -> Image {
     gpu.texture("test", FLOAT, width, height, &[bytemuck::cast_slice(texels).to_vec()]).expect("a texture")
 }
 
+/// A layer whose texels are the pixels.
+pub(crate) const ONE_TO_ONE: LayerPush = LayerPush {
+    how: 0,
+    tonemap: 0,
+    left: 0,
+    top: 0,
+    first_column: 0,
+    first_row: 0,
+    texels: 1.0,
+    parts: 1,
+    low: 0.0,
+    high: 0.0,
+    depth: Vec4::ZERO,
+};
+
 /// Pixels of a layer pass over one row of texels.
 fn layer(parts: &[Vec<[f32; 4]>], how: u32, [low, high]: [f32; 2]) -> Vec<[u8; 4]> {
     let gpu = gpu();
@@ -75,7 +90,7 @@ fn layer(parts: &[Vec<[f32; 4]>], how: u32, [low, high]: [f32; 2]) -> Vec<[u8; 4
         cmd.render(&Attachments { colors: &colors, depth: None, area: [0, 0, size[0], 1] }, |draw| {
             draw.bind(&pipeline, &[image(0), (&exposure).into(), image(1), image(2)]);
             let parts = parts.len() as u32;
-            draw.push(&LayerPush { how, tonemap: 3, left: 0, top: 0, parts, low, high, depth });
+            draw.push(&LayerPush { how, tonemap: 3, parts, low, high, depth, ..ONE_TO_ONE });
             draw.draw(3);
         });
         Ok(())

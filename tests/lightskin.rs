@@ -54,6 +54,7 @@ mod hard_cases;
 mod hidden;
 mod host;
 mod house;
+mod insets;
 mod interpolate;
 mod known_issues;
 mod layers;

@@ -5,6 +5,7 @@ use crate::cli::{fails, folder, works};
 use lightskin::image::read_radiance;
 use lightskin::scene::LightKind;
 use lightskin::scene::build::{CornellSurface, cornell};
+use lightskin::scene::medium::Subsurface;
 use lightskin::scene::write::write_glb;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -104,4 +105,36 @@ fn broken_sessions_say_what_to_do() {
     fails(&folder, &words, 1, &["gone.glb"]);
     session(&folder, |_| ());
     fails(&folder, &[&words[..], &["--size", "0x3"]].concat(), 2, &["--size"]);
+}
+
+/// A medium of a session is that of a file with the same coefficients, and a session can take it out again.
+#[test]
+fn media_of_a_session_fill_bodies() {
+    let folder = with_box("sessions_media");
+    let words = ["box.json", "--size", "48x32"];
+    session(&folder, |_| ());
+    let hollow = drawn(&folder, &words);
+    let marble = Subsurface { scale: 40.0, ..Subsurface::preset("marble").expect("marble") };
+    let told = json!({ "sigma_s": marble.sigma_s.to_array(), "sigma_a": marble.sigma_a.to_array(), "g": marble.g,
+                       "ior": marble.ior, "scale": marble.scale });
+    session(&folder, |s| s["materials"] = json!({ "white": { "subsurface": told } }));
+    let filled = drawn(&folder, &words);
+    assert_ne!(filled, hollow, "light must enter the walls");
+    // A value that no medium can have changes nothing.
+    let mut broken = told.clone();
+    broken["ior"] = json!(0.5);
+    session(&folder, |s| s["materials"] = json!({ "white": { "subsurface": broken } }));
+    assert_eq!(drawn(&folder, &words), hollow);
+
+    let mut scene = cornell(CornellSurface::Diffuse, 0.5);
+    let white = scene.materials.iter_mut().find(|material| material.name == "white").expect("a white wall");
+    let before = white.base_color;
+    white.fill(marble);
+    write_glb(&scene, &folder.join("box.glb")).expect("a scene");
+    session(&folder, |_| ());
+    assert_eq!(drawn(&folder, &words), filled, "the file's medium");
+    session(&folder, |s| {
+        s["materials"] = json!({ "white": { "base_color": before.to_array(), "subsurface": null } });
+    });
+    assert_eq!(drawn(&folder, &words), hollow, "the file's medium is taken out");
 }

@@ -1,6 +1,7 @@
 //! The image of the window: an exact copy of the picture, with marks and the panels over it.
 
 use super::compare::Over;
+use super::inset::Inset;
 use super::marks::{Marker, Marks};
 use egui::epaint::{ClippedPrimitive, Primitive, Vertex};
 use egui::{ImageData, TextureId, TexturesDelta};
@@ -93,6 +94,7 @@ pub(super) struct Scenery<'a> {
     /// Ends of the false-colour scale.
     pub(super) scale: [f32; 2],
     pub(super) over: Vec<Over<'a>>,
+    pub(super) insets: Vec<Inset<'a>>,
     pub(super) marks: Marks,
     /// The light of the last frame, whose caches and VALs are marked.
     pub(super) light: Option<&'a Light>,
@@ -255,6 +257,7 @@ impl Canvas {
                 for over in &scenery.over {
                     self.draw_layer(draw, scenery, (&[over.image], over.how), over.part);
                 }
+                scenery.insets.iter().for_each(|inset| self.draw_inset(draw, scenery, inset));
             }
             self.draw_panels(draw);
         };
@@ -289,9 +292,46 @@ impl Canvas {
         draw.bind(&self.layer, &[part(0), (&scenery.picture.output.exposure).into(), part(1), part(2)]);
         let ([low, high], tonemap) = (scenery.scale, scenery.look.tonemap as u32);
         let parts = layers.len() as u32;
-        draw.push(&LayerPush { how, tonemap, left, top, parts, low, high, depth: distance_by_depth(&scenery.view) });
+        let depth = distance_by_depth(&scenery.view);
+        draw.push(&LayerPush {
+            how,
+            tonemap,
+            left,
+            top,
+            first_column: 0,
+            first_row: 0,
+            texels: 1.0,
+            parts,
+            low,
+            high,
+            depth,
+        });
         draw.area([left, top, width, height]);
         draw.clip([left + from, top, to - from, height]);
+        draw.draw(3);
+        draw.area([0, 0, self.image.width, self.image.height]);
+    }
+
+    /// Draws a part of an image with texels as squares.
+    fn draw_inset(&self, draw: &Draw<'_, '_>, scenery: &Scenery<'_>, inset: &Inset<'_>) {
+        let [left, top, side] = inset.place;
+        let image = Bind::from(inset.image);
+        draw.bind(&self.layer, &[image, (&scenery.picture.output.exposure).into(), image, image]);
+        let ([low, high], [first_column, first_row]) = (inset.scale, inset.first);
+        draw.push(&LayerPush {
+            how: inset.how,
+            tonemap: scenery.look.tonemap as u32,
+            left,
+            top,
+            first_column,
+            first_row,
+            texels: inset.side as f32 / side as f32,
+            parts: 1,
+            low,
+            high,
+            depth: inset.depth,
+        });
+        draw.area([left, top, side, side]);
         draw.draw(3);
         draw.area([0, 0, self.image.width, self.image.height]);
     }

@@ -4,6 +4,7 @@ use super::background::Rest;
 use super::camera::{Free, Seen, point_at};
 use super::canvas::Shown;
 use super::gizmo::Gizmo;
+use super::inset::Insets;
 use super::loading::Loading;
 use super::marks::Marks;
 use super::pixel::Pixel;
@@ -65,6 +66,7 @@ pub(super) struct Document {
     /// Ends of the false-colour scales of distance [m] and luminance [cd/m^2].
     pub(super) scales: [[f32; 2]; 2],
     pub(super) marks: Marks,
+    pub(super) insets: Insets,
     /// The pixel that was picked last.
     pub(super) pixel: Option<Pixel>,
     pub(super) seen: Seen,
@@ -85,6 +87,8 @@ pub(super) struct Document {
     pub(super) material: usize,
     /// Indices of the materials that were edited.
     pub(super) edited: BTreeSet<usize>,
+    /// The materials of the file.
+    pub(super) of_file: Vec<Material>,
     /// File of the session, if it has one.
     pub(super) session: Option<PathBuf>,
     watch: Option<Watch>,
@@ -112,6 +116,7 @@ impl Document {
             shown: Shown::Picture,
             scales: [[0.1, 10.0], [1.0, 1000.0]],
             marks: Marks::default(),
+            insets: Insets::default(),
             pixel: None,
             seen: Seen::OfScene(0),
             bookmarks: [None; 9],
@@ -125,6 +130,7 @@ impl Document {
             changes: 0,
             material: 0,
             edited: BTreeSet::new(),
+            of_file: Vec::new(),
             session: None,
             watch: None,
             loading: Loading::default(),
@@ -329,6 +335,7 @@ impl Document {
     /// Drops everything on the device besides the engine. A scene that is being uploaded is loaded again.
     pub(super) fn leave_device(&mut self) {
         (self.picture, self.refused) = (None, None);
+        self.insets.leave_device();
         self.load_again();
     }
 
@@ -391,4 +398,5 @@ pub(super) fn usual(args: &Args, caches: usize, ways: Ways) -> Settings {
 pub(super) fn copy_edits(old: &Material, new: &mut Material) {
     (new.base_color, new.emissive) = (old.base_color, old.emissive);
     (new.roughness, new.metallic) = (old.roughness, old.metallic);
+    (new.subsurface, new.base_color_texture) = (old.subsurface, old.base_color_texture);
 }

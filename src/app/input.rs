@@ -266,6 +266,11 @@ impl Input {
         [0, 1].map(|i| (self.pointer[i] - corner[i] as f32) / size[i] as f32)
     }
 
+    /// Position of the pointer in the picture, from 0 at its top left to 1. `None` if it is elsewhere.
+    pub(super) fn over(&self, panels: &egui::Context, place: ([u32; 2], [u32; 2])) -> Option<[f32; 2]> {
+        self.over_picture(panels, place).then(|| self.place_of(place))
+    }
+
     fn click(&mut self, button: MouseButton, place: ([u32; 2], [u32; 2])) -> Option<Wish> {
         if button != MouseButton::Left {
             return None;

@@ -14,7 +14,7 @@ use anyhow::{Result, anyhow};
 use lightskin::frame::engine::{Loaded, Progress};
 use lightskin::frame::{Engine, Picture, Settings};
 use lightskin::gpu::Gpu;
-use lightskin::scene::Scene;
+use lightskin::scene::{Material, Scene};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::thread::JoinHandle;
@@ -66,6 +66,8 @@ struct Prepared {
     lights: Lights,
     /// The lights as the file has them.
     of_file: Lights,
+    /// The materials as the file has them.
+    materials: Vec<Material>,
     /// `Document::changes` when the edits were copied to the scene.
     changes: u64,
 }
@@ -232,7 +234,7 @@ impl Document {
             .caches
             .as_ref()
             .map_or(0, |caches| caches.instance_model.iter().map(|model| caches.models[*model].caches.len()).sum());
-        let of_file = Lights::of(&loaded.scene);
+        let (of_file, materials) = (Lights::of(&loaded.scene), loaded.scene.materials.clone());
         let mut lights = of_file.clone();
         if let Some(old) = self.engine.as_ref().filter(|_| !anew && session.is_none()) {
             keep_edits(old.scene(), &mut loaded.scene, &self.edited);
@@ -249,7 +251,7 @@ impl Document {
             settings = drawing.settings(gpu, count)?;
             lights = session.change(&mut loaded.scene);
         }
-        let prepared = Prepared { settings, keeps_settings, count, lights, of_file, changes: self.changes };
+        let prepared = Prepared { settings, keeps_settings, count, lights, of_file, materials, changes: self.changes };
         progress.set(1.0, "upload");
         Ok(Step::Upload(self.upload_thread(gpu, settings, || loaded), Some(Box::new(prepared))))
     }
@@ -307,7 +309,7 @@ impl Document {
         &mut self,
         gpu: &Gpu,
         Uploaded { mut engine, picture, fitted }: Uploaded,
-        Prepared { settings, keeps_settings, count, mut lights, of_file, changes }: Prepared,
+        Prepared { settings, keeps_settings, count, mut lights, of_file, materials, changes }: Prepared,
         (args, anew, session): (&Args, bool, Option<&Opened>),
     ) -> Result<()> {
         // Edits made during the upload.
@@ -323,6 +325,7 @@ impl Document {
         (self.engine, self.fitted, self.refused) = (Some(engine), fitted, None);
         self.picture = picture;
         self.changes += 1;
+        self.of_file = materials;
         (self.pixel, self.video) = (None, None);
         self.gizmo.clear();
         // Steps of other lights cannot be undone.

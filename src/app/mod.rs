@@ -8,6 +8,7 @@ mod compare;
 mod document;
 mod gizmo;
 mod input;
+mod inset;
 mod lights;
 mod loading;
 mod marks;

@@ -3,12 +3,14 @@
 mod animation;
 pub(super) mod compare;
 pub(super) mod debug;
+pub(super) mod insets;
 mod lights;
 mod materials;
 mod memory;
 mod placement;
 mod sky;
 pub(super) mod style;
+mod subsurface;
 mod timings;
 
 use super::camera::Seen;
@@ -78,6 +80,7 @@ pub(super) struct State {
     /// Frame rate of videos [frames/s].
     fps: f64,
     sky: sky::Edited,
+    subsurface: subsurface::Edited,
     /// Text in the field for a path.
     path: String,
     recent: Vec<PathBuf>,
@@ -136,6 +139,7 @@ impl State {
             angle: None,
             fps: super::video::FPS,
             sky: sky::Edited::default(),
+            subsurface: subsurface::Edited::default(),
             path: String::new(),
             recent: recent::all(),
             hint,
@@ -156,9 +160,12 @@ impl State {
                     section(ui, "Sky", false, |ui| self.sky.show(ui, document, &mut wishes));
                     section(ui, "Camera", true, |ui| camera(ui, document, gpu, &mut wishes));
                     compare::section(ui, compare, &mut wishes);
-                    section(ui, "Debug views", false, |ui| debug::marks(ui, document));
+                    section(ui, "Debug views", false, |ui| {
+                        debug::marks(ui, document);
+                        insets::controls(ui, document);
+                    });
                     debug::pixel(ui, document);
-                    section(ui, "Materials", false, |ui| materials::show(ui, document, gpu));
+                    section(ui, "Materials", false, |ui| materials::show(ui, document, &mut self.subsurface, gpu));
                     section(ui, "Animation", false, |ui| {
                         animation::show(ui, document, gpu, &mut self.fps, &mut wishes)
                     });

@@ -30,8 +30,12 @@ pub(super) fn save(document: &Document, path: &Path) -> Result<()> {
     let materials: Map<String, Value> = (document.edited.iter())
         .filter_map(|index| scene.materials.get(*index))
         .map(|m| {
+            let subsurface = m.subsurface.map(|inside| {
+                json!({ "sigma_s": inside.sigma_s.to_array(), "sigma_a": inside.sigma_a.to_array(), "g": inside.g,
+                        "ior": inside.ior, "scale": inside.scale })
+            });
             let value = json!({ "base_color": m.base_color.to_array(), "roughness": m.roughness,
-                                "metallic": m.metallic, "emissive": m.emissive.to_array() });
+                                "metallic": m.metallic, "emissive": m.emissive.to_array(), "subsurface": subsurface });
             (m.name.clone(), value)
         })
         .collect();

@@ -3,23 +3,21 @@
 mod faults;
 mod fit;
 pub(super) mod lost;
+mod save;
 
-use super::background::alone;
 use super::canvas::{Canvas, Scenery};
 use super::compare::{Compare, Now};
 use super::document::Document;
 use super::input::{Input, Wish};
 use super::panel;
 use super::pixel::Pixel;
-use super::session;
 #[cfg(feature = "glsl")]
 use super::shaders::Shaders;
-use super::video::Video;
 use super::watch::EVERY;
 use crate::cli::check_messages;
 use crate::cli::session::is_session;
-use crate::cli::view::{self, Taken, View as Args, print};
-use anyhow::{Context, Result, bail};
+use crate::cli::view::{self, View as Args, print};
+use anyhow::{Context, Result};
 use faults::Faults;
 use lightskin::frame::Picture;
 use lightskin::gpu::{Gpu, Swapchain};
@@ -33,9 +31,6 @@ use winit::event::WindowEvent;
 use winit::event_loop::ActiveEventLoop;
 use winit::raw_window_handle::HasDisplayHandle;
 use winit::window::Window;
-
-/// Maximum number of pictures that are written at the same time, because each is held in memory.
-const MOST_WRITTEN: usize = 4;
 
 /// Number of frames between two log lines with the counters of the device.
 const COUNTED: u64 = 50;
@@ -290,110 +285,6 @@ impl Open {
         }
     }
 
-    /// Prints the command that writes this picture and copies it to the clipboard.
-    fn copy_command(&mut self) -> Result<()> {
-        let command = self.document.command().context("there is no picture whose command line could be copied")?;
-        print(&command);
-        self.egui.set_clipboard_text(command);
-        log::warn!("copied the command line for this picture");
-        Ok(())
-    }
-
-    /// Saves the picture without the panels under the first free name with this ending.
-    fn save(&mut self, ending: &str) -> Result<()> {
-        let Some(scene) = self.document.scene() else { return Ok(()) };
-        if !self.can_write() {
-            bail!("{MOST_WRITTEN} pictures are still being written; try again in a moment");
-        }
-        let named = |n: u32| PathBuf::from(format!("{}-{n}.{ending}", scene.name));
-        let free = |n: &u32| !named(*n).exists() && self.writing.iter().all(|(path, _)| *path != named(*n));
-        let number = (1..10_000).find(free).context("the folder already has 9999 pictures; move them away")?;
-        self.write(named(number), true)
-    }
-
-    /// Whether another picture may be written now.
-    fn can_write(&self) -> bool {
-        self.writing.iter().filter(|(_, thread)| !thread.is_finished()).count() < MOST_WRITTEN
-    }
-
-    /// Writes the picture to a file: reads it back here and encodes it on a thread. With `tells`, prints the name of
-    /// the file.
-    fn write(&mut self, path: PathBuf, tells: bool) -> Result<()> {
-        self.writing.retain(|(_, thread)| !thread.is_finished());
-        let (Some(picture), Some(scene)) = (&self.document.picture, self.document.scene()) else { return Ok(()) };
-        let view = self.document.drawn.context("no frame has been drawn yet")?;
-        let about = format!("scene {}; {}", scene.name, self.document.command().unwrap_or_default());
-        let taken = Taken::of(&self.gpu, picture, &view, &self.document.look, &path)?;
-        let of_thread = path.clone();
-        let write = move || match alone(|| taken.write(&about, &of_thread)) {
-            Ok(()) if tells => {
-                print(&format!("picture   {}", of_thread.display()));
-                log::warn!("wrote {}", of_thread.display());
-            }
-            Ok(()) => {}
-            Err(error) => log::error!("{error:#}"),
-        };
-        self.writing.push((path, std::thread::spawn(write)));
-        Ok(())
-    }
-
-    /// Starts a video, or stops the one that is being written.
-    fn film(&mut self, fps: f64) -> Result<()> {
-        match self.document.video.take() {
-            Some(video) => video.end(&mut self.document),
-            None => self.document.video = Some(Video::begin(&mut self.document, fps)?),
-        }
-        Ok(())
-    }
-
-    /// Poses the scene for the next frame of the video, if that frame can be written. Returns whether it was posed.
-    fn pose_for_video(&mut self) -> bool {
-        let moment = self.document.video.as_ref().and_then(Video::moment);
-        let moment = moment.filter(|_| self.can_write() && self.document.picture.is_some());
-        if let Some(moment) = moment {
-            self.document.clip.time = moment;
-            self.document.pose(&self.gpu);
-        }
-        moment.is_some()
-    }
-
-    /// Writes the video frame that was just drawn, if any, and ends a complete video. Fails only if the device is lost.
-    fn film_frame(&mut self, drawn: bool) -> Result<()> {
-        let file = self.document.video.as_ref().filter(|_| drawn).map(Video::file);
-        match file.map(|file| self.write(file, false)) {
-            Some(Err(error)) if lost::is_loss(&error) => return Err(error),
-            Some(Err(error)) => {
-                log::error!("{error:#}; the video is stopped");
-                self.document.video = None;
-            }
-            Some(Ok(())) => self.document.video.iter_mut().for_each(Video::advance),
-            None => {}
-        }
-        let written = self.writing.iter().all(|(_, thread)| thread.is_finished());
-        if let Some(video) = self.document.video.take_if(|video| video.moment().is_none() && written) {
-            print(&format!("video     {}: {} pictures", video.folder.display(), video.count));
-            log::warn!("wrote {}", video.folder.display());
-            video.end(&mut self.document);
-            self.document.pose(&self.gpu);
-        }
-        Ok(())
-    }
-
-    /// Saves the session to its file, or under the first free name.
-    fn save_session(&mut self) -> Result<()> {
-        let scene = self.document.scene().context("there is no scene yet")?;
-        let named = |n: u32| PathBuf::from(format!("{}-{n}.lightskin.json", scene.name));
-        let path = match &self.document.session {
-            Some(path) => path.clone(),
-            None => named((1..10_000).find(|n| !named(*n).exists()).context("the folder already has 9999 sessions")?),
-        };
-        session::save(&self.document, &path)?;
-        print(&format!("session   {}", path.display()));
-        log::warn!("wrote {}", path.display());
-        self.document.session = Some(path);
-        Ok(())
-    }
-
     /// Draws one frame: handles the panels, renders the changed parts of the picture, and draws the panels over it.
     pub(super) fn draw(&mut self) -> Result<()> {
         let now = Instant::now();
@@ -433,6 +324,9 @@ impl Open {
         }
 
         self.document.follow_pointer(&self.gpu);
+        if let Some(at) = self.input.over(self.egui.egui_ctx(), self.place) {
+            self.document.insets.pointer = at;
+        }
         let filmed = self.pose_for_video();
 
         let input = self.egui.take_egui_input(&self.window);
@@ -444,6 +338,7 @@ impl Open {
             left_over = ui.available_rect_before_wrap();
             panel.over(ui, document, left_over);
             panel::debug::legend(ui, document, left_over);
+            panel::insets::show(ui, document, left_over);
             panel.hint(ui, left_over);
             panel::compare::overlay(ui, compare, left_over);
             #[cfg(feature = "glsl")]
@@ -469,6 +364,7 @@ impl Open {
         let begin = Instant::now();
         self.fit_picture()?;
         making += begin.elapsed();
+        self.fit_insets()?;
         let primitives = context.tessellate(output.shapes, scale);
         self.canvas.take(&self.gpu, &primitives, scale)?;
         let view = self.document.view();
@@ -479,8 +375,10 @@ impl Open {
         let frame = self.gpu.timed_frame(|cmd| {
             if let (Some(view), Some(engine), Some(picture)) = (view, &mut document.engine, &mut document.picture) {
                 engine.record(cmd, &mut [(view, picture)], &look);
+                document.insets.record(cmd, engine, (&view, picture));
             }
             let light = document.engine.as_ref().map(|engine| engine.light());
+            let insets = document.engine.as_ref().map_or(Vec::new(), |engine| document.insets.drawn(engine));
             let picture = document.picture.as_ref().zip(view);
             let scenery = picture.map(|(picture, view)| Scenery {
                 picture,
@@ -490,6 +388,7 @@ impl Open {
                 look: &look,
                 scale,
                 over,
+                insets,
                 marks,
                 light,
             });
@@ -500,6 +399,9 @@ impl Open {
         self.document.time(self.gpu.finished_times()?);
         let mut in_frame = begin.elapsed();
         self.document.drawn = view;
+        if self.document.insets.read(&self.gpu)? {
+            self.redraw(); // with its new text
+        }
         self.film_frame(filmed)?;
         while let (false, Some(wish)) = (self.document.is_behind(), self.waiting.first()) {
             let done = match wish {

@@ -8,6 +8,7 @@ use clap::parser::ValueSource;
 use glam::{Vec3, Vec4};
 use lightskin::files;
 use lightskin::scene::Scene;
+use lightskin::scene::medium::Subsurface;
 use serde_json::{Map, Value};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -59,6 +60,15 @@ pub(super) fn number(value: &Value) -> Option<f32> {
 pub(super) fn numbers<const N: usize>(value: &Value) -> Option<[f32; N]> {
     let all: Option<Vec<f32>> = value.as_array()?.iter().map(|v| number(v).filter(|v| *v >= 0.0)).collect();
     all?.try_into().ok()
+}
+
+/// A medium below a surface. `None` if it is missing or impossible.
+fn subsurface(value: &Value) -> Option<Subsurface> {
+    let [sigma_s, sigma_a] = [numbers(&value["sigma_s"])?, numbers(&value["sigma_a"])?].map(Vec3::from_array);
+    let within = |key: &str, least: f32, most: f32| number(&value[key]).filter(|v| (least..=most).contains(v));
+    let (g, ior, scale) = (within("g", -0.99, 0.99)?, within("ior", 1.0, 4.0)?, within("scale", 1e-6, 1e6)?);
+    let is_possible = (sigma_s + sigma_a).min_element() > 0.0 && sigma_s.max(sigma_a).max_element() <= 1e9;
+    is_possible.then_some(Subsurface { sigma_s, sigma_a, g, ior, scale })
 }
 
 /// A list of strings. Empty if it is missing.
@@ -127,6 +137,10 @@ impl Session {
             let share = |value: &Value| number(value).map(|v| v.clamp(0.0, 1.0));
             material.roughness = share(&told["roughness"]).unwrap_or(material.roughness);
             material.metallic = share(&told["metallic"]).unwrap_or(material.metallic);
+            match (&told["subsurface"], told.get("subsurface")) {
+                (Value::Null, Some(_)) => material.subsurface = None,
+                (value, _) => subsurface(value).into_iter().for_each(|inside| material.fill(inside)),
+            }
         }
         let mut lights = Lights::of(scene);
         lights.take(&self.lights);

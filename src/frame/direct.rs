@@ -195,6 +195,17 @@ impl Direct {
         }
     }
 
+    /// The shadow map of a light, if it keeps one of its own. `LightInfo` says where its views lie in it.
+    pub fn shadow_map(&self, world: &World, light: usize) -> Option<&Image> {
+        match &self.hidden {
+            Hidden::Maps(maps) if maps.are_kept(world) => {
+                let is_drawn = |info: &LightInfo| !(self.sky_light && info.of_sky);
+                maps.images.get(light).filter(|_| world.lights().get(light).is_some_and(is_drawn))
+            }
+            _ => None,
+        }
+    }
+
     /// Adds the light that views' surfaces reflect from these lights.
     fn record_shading<'a, 'l, Lights: Iterator<Item = (usize, &'l LightInfo)>>(
         &self,

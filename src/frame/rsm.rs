@@ -5,6 +5,7 @@ use super::inside::Inside;
 use super::live::Live;
 use super::pack::PackVals;
 use super::plan::Plan;
+use super::revision::Made;
 use super::settings::ProxyWeight;
 use super::vals::Vals;
 use super::world::{ByKind, LightInfo, VERTEX_PLAIN, Which, World};
@@ -152,21 +153,9 @@ impl Rsm {
                     cmd.barrier(Use::ComputeRead | Use::DepthWrite, Use::ColorWrite | Use::DepthWrite); // last view was read
                 }
                 let inside = self.inside.as_ref();
-                let images = [&self.position, &self.normal, &self.albedo];
-                let images = images.into_iter().chain(inside.map(|inside| &inside.image));
-                let attachments = Attachments {
-                    colors: &images.clone().map(Attach::clear).collect::<Vec<_>>(),
-                    depth: Some(Attach::clear(&self.depth)),
-                    area: [0, 0, size, size],
-                };
-                let clip = world.clip_from_world(view);
-                let eye = world.eye(light, view);
-                let least = light.least(size);
-                let filled = world.filled.as_ref().filter(|_| inside.is_some());
-                let more: Vec<Bind<'_>> = filled.map_or(Vec::new(), |f| vec![(&f.of_draws).into(), (&f.parts).into()]);
-                cmd.render(&attachments, |draw| {
-                    world.draw_large(draw, &self.draw, (Which::All, &more), (clip, eye), least)
-                });
+                let colors = [&self.position, &self.normal, &self.albedo].into_iter();
+                let colors: Vec<&Image> = colors.chain(inside.map(|inside| &inside.image)).collect();
+                self.draw_view(cmd, world, (light, view), (&colors, &self.depth));
                 if drawn {
                     cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
                 } else {
@@ -199,6 +188,93 @@ impl Rsm {
         if let Some(inside) = &self.inside {
             inside.record_list(cmd);
         }
+    }
+
+    /// Whether this light has RSMs. Lights whose VALs are traced have none, nor have those without VALs.
+    pub fn draws(&self, world: &World, light: usize) -> bool {
+        let is_traced = |info: &LightInfo| info.is_area && self.trace.is_some();
+        self.lights(world).any(|(i, info)| i == light && !is_traced(info))
+    }
+
+    /// Draws the scene as a view of a light sees it into these images: position, normal, albedo and, if light enters
+    /// bodies, its share; and depth.
+    fn draw_view(
+        &self,
+        cmd: &Cmd<'_>,
+        world: &World,
+        (light, view): (&LightInfo, u32),
+        (colors, depth): (&[&Image], &Image),
+    ) {
+        let size = light.rsm_size(depth.width);
+        let attachments = Attachments {
+            colors: &colors.iter().map(|image| Attach::clear(image)).collect::<Vec<_>>(),
+            depth: Some(Attach::clear(depth)),
+            area: [0, 0, size, size],
+        };
+        let (clip, eye) = (world.clip_from_world(view), world.eye(light, view));
+        let filled = world.filled.as_ref().filter(|_| self.inside.is_some());
+        let more: Vec<Bind<'_>> = filled.map_or(Vec::new(), |f| vec![(&f.of_draws).into(), (&f.parts).into()]);
+        cmd.render(&attachments, |draw| {
+            world.draw_large(draw, &self.draw, (Which::All, &more), (clip, eye), light.least(size));
+        });
+    }
+}
+
+/// A copy of one view's RSM, to look at. Stage 4 draws all views into the same images, one after another, and keeps only
+/// the VALs. So this view is drawn again.
+pub struct RsmCopy {
+    /// As `Rsm::position`.
+    pub position: Image,
+    /// As `Rsm::normal`.
+    pub normal: Image,
+    /// As `Rsm::albedo`.
+    pub albedo: Image,
+    /// As `Rsm::depth`.
+    pub depth: Image,
+    /// As `Inside::image`.
+    pub inside: Option<Image>,
+    made: Made,
+}
+
+impl RsmCopy {
+    /// Creates images like those of stage 4.
+    ///
+    /// # Errors
+    /// Fails if the device runs out of memory.
+    pub fn new(gpu: &Device, rsm: &Rsm) -> Result<Self> {
+        let target = |name, like: &Image| gpu.target(name, like.format, like.width, like.height);
+        Ok(Self {
+            position: target("rsm.copy_position", &rsm.position)?,
+            normal: target("rsm.copy_normal", &rsm.normal)?,
+            albedo: target("rsm.copy_albedo", &rsm.albedo)?,
+            depth: target("rsm.copy_depth", &rsm.depth)?,
+            inside: rsm.inside.as_ref().map(|inside| target("rsm.copy_inside", &inside.image)).transpose()?,
+            made: Made::default(),
+        })
+    }
+
+    /// Whether the images are like those of this stage 4.
+    pub fn fits(&self, rsm: &Rsm) -> bool {
+        self.depth.width == rsm.depth.width && self.inside.is_some() == rsm.inside.is_some()
+    }
+
+    /// Draws a view of a light, counted from 0, unless the images already have it. To be recorded after stage 4. Returns
+    /// whether anything was drawn: then a barrier must follow before the images are read.
+    ///
+    /// # Panics
+    /// Panics if the images do not fit, or there is no such light or view.
+    pub fn record(&mut self, cmd: &Cmd<'_>, world: &World, rsm: &Rsm, (light, view): (usize, u32)) -> bool {
+        assert!(self.fits(rsm), "images of another size or number than those of stage 4");
+        let info = &world.lights()[light];
+        assert!(view < info.views, "view {view} of {}", info.views);
+        let of_light = [world.revisions.surfaces, world.revisions.lights[light]];
+        if !self.made.renew(of_light.into_iter().chain([light as u64, view.into()])) {
+            return false;
+        }
+        let colors: Vec<&Image> =
+            [&self.position, &self.normal, &self.albedo].into_iter().chain(&self.inside).collect();
+        rsm.draw_view(cmd, world, (info, info.first_view + view), (&colors, &self.depth));
+        true
     }
 }
 

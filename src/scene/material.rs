@@ -176,11 +176,19 @@ impl Material {
     }
 
     /// Fills the body with a medium. The base colour becomes the total share of light that leaves the surface, for code
-    /// that does not simulate the inside. The material becomes non-metallic.
+    /// that does not simulate the inside. The material becomes non-metallic and opaque. It keeps a base colour texture
+    /// only for the holes of an alpha mask.
     pub fn fill(&mut self, inside: Subsurface) {
         let color = inside.medium().diffuse_albedo().as_vec3();
         self.base_color = color.extend(self.base_color.w);
         self.metallic = 0.0;
+        if self.is_seen_through() {
+            (self.transmission, self.transmission_texture, self.optical_depth) = (0.0, None, Vec3::ZERO);
+            (self.blend, self.alpha_cutoff) = (false, None);
+        }
+        if self.alpha_cutoff.is_none() {
+            self.base_color_texture = None;
+        }
         self.subsurface = Some(inside);
     }
 

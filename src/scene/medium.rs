@@ -74,6 +74,12 @@ impl Subsurface {
         measured.chain(CHOSEN.iter().map(|(name, ..)| *name)).chain(ALIASES.iter().map(|(alias, _)| *alias))
     }
 
+    /// Name of the preset that has these coefficients, at any scale.
+    pub fn name(&self) -> Option<&'static str> {
+        let is_this = |name: &&str| Self::preset(name).is_some_and(|own| Self { scale: self.scale, ..own } == *self);
+        Self::presets().find(is_this)
+    }
+
     /// The medium for which a thick, flat body returns this share of the light that enters it, with mean free paths of
     /// `radius` \[m\].
     pub fn of_color(color: Vec3, radius: Vec3, ior: f32) -> Self {

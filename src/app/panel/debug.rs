@@ -57,7 +57,7 @@ pub(super) fn marks(ui: &mut Ui, document: &mut Document) {
 }
 
 /// Formats a number with three significant digits.
-fn short(value: f64) -> String {
+pub(super) fn short(value: f64) -> String {
     let digits = (2.0 - value.log10().floor()).clamp(0.0, 6.0) as usize;
     format!("{value:.digits$}")
 }

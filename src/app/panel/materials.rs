@@ -1,12 +1,13 @@
 //! The materials panel: properties that can be edited live.
 
+use super::subsurface::{self, Edited};
 use super::{choose, is_edited, row, rows};
 use crate::app::document::Document;
 use egui::{DragValue, RichText, Slider, Ui};
 use glam::Vec3;
 use lightskin::gpu::Gpu;
 
-pub(super) fn show(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
+pub(super) fn show(ui: &mut Ui, document: &mut Document, edited: &mut Edited, gpu: &Gpu) {
     let Some(scene) = document.scene().filter(|scene| !scene.materials.is_empty()) else {
         ui.label(RichText::new("No materials").weak());
         return;
@@ -19,22 +20,27 @@ pub(super) fn show(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
         let help = "Material to edit. Ctrl+click on the picture picks the material of a surface.";
         row(ui, "Material", help, |ui| choose(ui, "material", &mut chosen, &all));
         let textured = |texture: bool| if texture { " A texture is multiplied with it." } else { "" };
+        let filled = material.subsurface.is_some();
+        let of_medium = if filled { " It has no effect: light leaves from below the surface." } else { "" };
         let help = format!(
-            "Colour of the surface, linear. For metals it is the colour of reflections.{} After a change, one frame \
-             recomputes the light.",
+            "Colour of the surface, linear. For metals it is the colour of reflections.{}{of_medium} After a change, one \
+             frame recomputes the light.",
             textured(material.base_color_texture.is_some())
         );
         let mut color = material.base_color.truncate().to_array();
-        changed |= row(ui, "Base colour", &help, |ui| ui.color_edit_button_rgb(&mut color)).changed();
+        let button = |ui: &mut Ui| ui.add_enabled_ui(!filled, |ui| ui.color_edit_button_rgb(&mut color)).inner;
+        changed |= row(ui, "Base colour", &help, button).changed();
         material.base_color = Vec3::from(color).extend(material.base_color.w);
         let own = material.phong.is_some();
         let of_lobe = if own { " It has no effect: this material has its own Phong lobe." } else { "" };
         let map = textured(material.metallic_roughness_texture.is_some());
         let help = format!("Roughness from 0, a mirror, to 1, matt.{map}{of_lobe}");
-        let slider = |ui: &mut Ui, value: &mut f32| ui.add_enabled(!own, Slider::new(value, 0.0..=1.0).max_decimals(2));
-        changed |= is_edited(&row(ui, "Roughness", &help, |ui| slider(ui, &mut material.roughness)));
-        let help = format!("From 0, a dielectric, to 1, a metal.{map}{of_lobe}");
-        changed |= is_edited(&row(ui, "Metallic", &help, |ui| slider(ui, &mut material.metallic)));
+        let slider = |value| Slider::new(value, 0.0..=1.0).max_decimals(2);
+        let roughness = row(ui, "Roughness", &help, |ui| ui.add_enabled(!own, slider(&mut material.roughness)));
+        changed |= is_edited(&roughness);
+        let help = format!("From 0, a dielectric, to 1, a metal.{map}{of_lobe}{of_medium}");
+        let metallic = row(ui, "Metallic", &help, |ui| ui.add_enabled(!own && !filled, slider(&mut material.metallic)));
+        changed |= is_edited(&metallic);
         let help = format!(
             "Light that the surface emits: colour and radiance in cd/m\u{b2}.{} When a surface starts or stops emitting, the whole \
              scene is uploaded again.",
@@ -52,6 +58,9 @@ pub(super) fn show(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
         })
         .changed();
         material.emissive = Vec3::from(color) * strength;
+        if let Some(of_file) = document.of_file.get(chosen).filter(|_| chosen == document.material) {
+            changed |= subsurface::show(ui, &mut material, of_file, edited);
+        }
     });
     if changed && chosen == document.material {
         document.history.change();

@@ -1,6 +1,7 @@
 //! Canvas and picture in the size of the window, and what happens without memory for it.
 
 use super::{Open, lost};
+use crate::app::inset::Insets;
 use anyhow::{Error, Result};
 use lightskin::frame::Picture;
 use winit::dpi::PhysicalSize;
@@ -29,6 +30,26 @@ impl Open {
         if self.canvas.size() == self.window_size && size == Some(self.place.1) {
             self.fitted = self.window_size;
         }
+        Ok(())
+    }
+
+    /// Creates what the insets need. Without memory for them they are switched off.
+    pub(super) fn fit_insets(&mut self) -> Result<()> {
+        let Some(engine) = &self.document.engine else { return Ok(()) };
+        let error = match self.document.insets.fit(&self.gpu, engine, self.canvas.size()) {
+            Ok(changed) => {
+                if changed {
+                    self.redraw();
+                }
+                return Ok(());
+            }
+            Err(error) => Error::new(error),
+        };
+        if lost::is_loss(&error) {
+            return Err(error);
+        }
+        log::error!("{error:#}; the insets are switched off");
+        self.document.insets = Insets::default();
         Ok(())
     }
 

@@ -284,20 +284,18 @@ impl Reader<'_, '_> {
         if has("g") && !has("sigma_s") {
             return Err(own.error("g needs sigma_s and sigma_a; presets and colours do not use it"));
         }
-        if material.is_seen_through() {
+        let is_seen_through = material.is_seen_through();
+        if is_seen_through {
             self.notes.add(format!(
                 "{}: a material with subsurface scattering is opaque; its transparency is ignored.",
                 own.place
             ));
-            (material.transmission, material.transmission_texture, material.optical_depth) = (0.0, None, Vec3::ZERO);
-            (material.blend, material.alpha_cutoff) = (false, None);
         }
-        if material.base_color_texture.is_some() && material.alpha_cutoff.is_none() {
+        if material.base_color_texture.is_some() && (is_seen_through || material.alpha_cutoff.is_none()) {
             self.notes.add(format!(
                 "{}: the subsurface medium gives the colour; the base colour texture is not used.",
                 own.place
             ));
-            material.base_color_texture = None;
         }
         material.fill(medium);
         Ok(())
