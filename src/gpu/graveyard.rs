@@ -8,7 +8,7 @@ use super::device::Shared;
 use super::upload::{Target, Upload};
 use ash::vk;
 use gpu_allocator::vulkan::Allocation;
-use std::collections::VecDeque;
+use std::collections::{HashSet, VecDeque};
 use std::sync::atomic::Ordering;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -47,6 +47,19 @@ pub(super) struct Graveyard {
 }
 
 impl Graveyard {
+    /// Removes what is new of objects that were dropped before the recording of submission `number` began. Another thread
+    /// may have made and dropped them after the previous submission had taken what was new.
+    fn forget_dropped(&mut self, number: u64) {
+        if self.fresh.is_empty() && self.uploads.is_empty() {
+            return;
+        }
+        let dropped: HashSet<u64> =
+            self.graves.iter().filter(|grave| grave.until < number).map(|grave| grave.id).collect();
+        self.fresh.retain(|fresh| !dropped.contains(&fresh.id));
+        let staging = self.cancel(|of| dropped.contains(&of));
+        self.graves.extend(staging.into_iter().map(|remains| Grave { until: number, id: 0, remains }));
+    }
+
     /// Removes the new content of resources that no submission will use, and returns what is left of it.
     fn cancel(&mut self, is_dropped: impl Fn(u64) -> bool) -> Vec<Remains> {
         self.uploads.extract_if(.., |upload| is_dropped(upload.id)).map(|upload| upload.split().1).collect()
@@ -164,7 +177,11 @@ impl Shared {
     /// Barriers that transition all new images to layout GENERAL, for the submission about to be made. It must be the
     /// one being recorded, since images dropped meanwhile live only until its end.
     pub(super) fn fresh(&self) -> Vec<vk::ImageMemoryBarrier2<'static>> {
-        let fresh = std::mem::take(&mut lock(&self.graveyard).fresh);
+        let fresh = {
+            let mut graveyard = lock(&self.graveyard);
+            graveyard.forget_dropped(self.submitted.load(Ordering::SeqCst) + 1);
+            std::mem::take(&mut graveyard.fresh)
+        };
         let barrier = |fresh: Fresh| {
             vk::ImageMemoryBarrier2::default()
                 .dst_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
@@ -181,6 +198,7 @@ impl Shared {
     pub(super) fn new_content(&self) -> Vec<(vk::Buffer, Target)> {
         let graveyard = &mut *lock(&self.graveyard);
         let until = self.submitted.load(Ordering::SeqCst) + 1;
+        graveyard.forget_dropped(until);
         let graves = &mut graveyard.graves;
         let copies = graveyard.uploads.drain(..).map(|upload| {
             let (copy, remains) = upload.split();
