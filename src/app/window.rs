@@ -4,6 +4,7 @@ mod faults;
 mod fit;
 pub(super) mod lost;
 
+mod size;
 use super::background::alone;
 use super::canvas::{Canvas, Scenery};
 use super::compare::{Compare, Now};
@@ -89,11 +90,7 @@ pub(super) struct Open {
 impl Open {
     /// Opens the window and starts to load the scene.
     pub(super) fn new(events: &ActiveEventLoop, args: &Args) -> Result<Self> {
-        let panels = if args.no_panels { 0.0 } else { panel::WIDTH };
-        // The scale factor is unknown before the window exists; 1 is assumed.
-        let size = PhysicalSize::new(args.size[0] + (panels * args.ui_scale) as u32, args.size[1]);
-        let attributes = Window::default_attributes().with_title("lightskin").with_inner_size(size);
-        let window = Arc::new(events.create_window(attributes).context("opening a window")?);
+        let window = Arc::new(size::open(events, args)?);
         let display = events.display_handle().context("the display")?.as_raw();
         let gpu = Rc::new(args.open_device(display)?);
         let faults = Faults::new()?;
@@ -164,6 +161,7 @@ impl Open {
     /// Handles an event. Its changes appear in the next frame.
     pub(super) fn event(&mut self, event: &WindowEvent) {
         let begin = Instant::now();
+        self.keep_picture_size(event);
         let ours = self.input.is_ours(event, self.egui.egui_ctx());
         let answer = if ours { None } else { Some(self.egui.on_window_event(&self.window, event)) };
         if is_input(event) {
