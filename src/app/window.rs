@@ -1,10 +1,11 @@
 //! The open window: its state, its panels, and the drawing of a frame.
 
 mod faults;
+mod film;
 mod fit;
 pub(super) mod lost;
-
 mod size;
+
 use super::background::alone;
 use super::canvas::{Canvas, Scenery};
 use super::compare::{Compare, Now};
@@ -15,7 +16,6 @@ use super::pixel::Pixel;
 use super::session;
 #[cfg(feature = "glsl")]
 use super::shaders::Shaders;
-use super::video::Video;
 use super::watch::EVERY;
 use crate::cli::check_messages;
 use crate::cli::session::is_session;
@@ -23,7 +23,7 @@ use crate::cli::view::{self, Taken, View as Args, print};
 use anyhow::{Context, Result, bail};
 use faults::Faults;
 use lightskin::frame::Picture;
-use lightskin::gpu::{Gpu, Swapchain};
+use lightskin::gpu::{Cmd, Gpu, Swapchain};
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -335,48 +335,6 @@ impl Open {
         Ok(())
     }
 
-    /// Starts a video, or stops the one that is being written.
-    fn film(&mut self, fps: f64) -> Result<()> {
-        match self.document.video.take() {
-            Some(video) => video.end(&mut self.document),
-            None => self.document.video = Some(Video::begin(&mut self.document, fps)?),
-        }
-        Ok(())
-    }
-
-    /// Poses the scene for the next frame of the video, if that frame can be written. Returns whether it was posed.
-    fn pose_for_video(&mut self) -> bool {
-        let moment = self.document.video.as_ref().and_then(Video::moment);
-        let moment = moment.filter(|_| self.can_write() && self.document.picture.is_some());
-        if let Some(moment) = moment {
-            self.document.clip.time = moment;
-            self.document.pose(&self.gpu);
-        }
-        moment.is_some()
-    }
-
-    /// Writes the video frame that was just drawn, if any, and ends a complete video. Fails only if the device is lost.
-    fn film_frame(&mut self, drawn: bool) -> Result<()> {
-        let file = self.document.video.as_ref().filter(|_| drawn).map(Video::file);
-        match file.map(|file| self.write(file, false)) {
-            Some(Err(error)) if lost::is_loss(&error) => return Err(error),
-            Some(Err(error)) => {
-                log::error!("{error:#}; the video is stopped");
-                self.document.video = None;
-            }
-            Some(Ok(())) => self.document.video.iter_mut().for_each(Video::advance),
-            None => {}
-        }
-        let written = self.writing.iter().all(|(_, thread)| thread.is_finished());
-        if let Some(video) = self.document.video.take_if(|video| video.moment().is_none() && written) {
-            print(&format!("video     {}: {} pictures", video.folder.display(), video.count));
-            log::warn!("wrote {}", video.folder.display());
-            video.end(&mut self.document);
-            self.document.pose(&self.gpu);
-        }
-        Ok(())
-    }
-
     /// Saves the session to its file, or under the first free name.
     fn save_session(&mut self) -> Result<()> {
         let scene = self.document.scene().context("there is no scene yet")?;
@@ -474,7 +432,7 @@ impl Open {
         let (canvas, look, over) = (&self.canvas, document.look, self.compare.over());
         let (shown, scale, marks) = (document.shown, *document.scale(), document.marks);
         let begin = Instant::now();
-        let frame = self.gpu.timed_frame(|cmd| {
+        let record = |cmd: &Cmd<'_>| {
             if let (Some(view), Some(engine), Some(picture)) = (view, &mut document.engine, &mut document.picture) {
                 engine.record(cmd, &mut [(view, picture)], &look);
             }
@@ -493,9 +451,15 @@ impl Open {
             });
             canvas.record(cmd, scenery.as_ref());
             Ok(())
-        })?;
+        };
+        // Times of stages cost a software device one submission each, a quarter of a small frame. Only panels show them.
+        let timed = self.panel.visible || !self.gpu.is_software();
+        let frame = if timed { self.gpu.timed_frame(record) } else { self.gpu.frame(record) }?;
         self.problems.extend(frame.problems);
-        self.document.time(self.gpu.finished_times()?);
+        let times = self.gpu.finished_times()?;
+        if timed {
+            self.document.time(times);
+        }
         let mut in_frame = begin.elapsed();
         self.document.drawn = view;
         self.film_frame(filmed)?;
