@@ -452,7 +452,7 @@ impl Open {
             canvas.record(cmd, scenery.as_ref());
             Ok(())
         };
-        // Times of stages cost a software device one submission each, a quarter of a small frame. Only panels show them.
+        // Times of stages cost a software device one submission each, a quarter of a small frame. Panels show them.
         let timed = self.panel.visible || !self.gpu.is_software();
         let frame = if timed { self.gpu.timed_frame(record) } else { self.gpu.frame(record) }?;
         self.problems.extend(frame.problems);
