@@ -369,8 +369,8 @@ fn bodies_are_filled() {
     app.quit();
 }
 
-/// With `--dev` the window draws by shaders that change while it runs. Shaders that do not compile leave the picture as
-/// it is.
+/// With `--dev` the window draws by shaders that change while it runs. Shaders that do not compile, or that the
+/// device refuses, leave the picture as it is.
 #[cfg(feature = "glsl")]
 #[test]
 fn shaders_change_while_the_window_runs() {
@@ -418,11 +418,19 @@ fn shaders_change_while_the_window_runs() {
     let reads = "layout(binding = 19) uniform sampler2D extra;\n\nvoid main() {\n    if (textureLod(extra, vec2(0.5), 0.0).r > 1e30) discard;\n";
     fs::write(&composite, own.replace("void main() {", reads)).expect("a shader");
     assert!(wanted(&mut app, "a binding must be refused", "has other bindings") == darker);
+    // No device runs groups as large as these.
     fs::write(&composite, &own).expect("a shader");
+    let expose = glsl.join("expose.comp");
+    let own = fs::read_to_string(&expose).expect("a shader");
+    let large = own.replace("local_size_x = 256", "local_size_x = 1024, local_size_y = 1024");
+    assert_ne!(large, own);
+    fs::write(&expose, large).expect("a shader");
+    assert!(wanted(&mut app, "large groups must be refused", "the device refuses it: ") == darker);
+    fs::write(&expose, &own).expect("a shader");
     std::thread::sleep(Duration::from_millis(200));
     let start = std::time::Instant::now();
     while png(&folder.join(app.picture())).1 != before {
         assert!(start.elapsed() < crate::common::window::PATIENCE, "the first picture must return");
     }
-    app.quit_after(&["composite.frag: ", "has other bindings"]);
+    app.quit_after(&["composite.frag: ", "has other bindings", "groups of [1024, 1024, 1] threads"]);
 }

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::LazyLock;
 
 /// Creates an empty folder for one test.
 pub(crate) fn folder(name: &str) -> PathBuf {
@@ -24,8 +25,31 @@ pub(crate) fn keeping<'a>(command: &'a mut Command, folder: &Path) -> &'a mut Co
     command
 }
 
+/// Gives a folder without a cache the measured speed of the gather. The tool would measure for four seconds in each.
+fn with_measured_gather(folder: &Path) {
+    static MEASURED: LazyLock<Vec<PathBuf>> = LazyLock::new(|| {
+        // Kept from run to run, as a user's is: the tool measures again when device or shaders change.
+        let at = Path::new(env!("CARGO_TARGET_TMPDIR")).join("measured_gather");
+        fs::create_dir_all(&at).expect("a folder");
+        let words = ["render", "-o", "a.png", "--size", "8x8", "--quality", "low", "--caches", "60"];
+        let room = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/cornell_diffuse.glb");
+        // Commands that need no device run without one, so nothing is required here.
+        let _ = keeping(Command::new(env!("CARGO_BIN_EXE_lightskin")).args(words).arg(room), &at).output();
+        let kept = fs::read_dir(at.join("cache/lightskin")).into_iter().flatten().flatten().map(|file| file.path());
+        kept.filter(|file| file.file_name().is_some_and(|name| name.to_string_lossy().starts_with("gather-"))).collect()
+    });
+    let cache = folder.join("cache");
+    if !cache.exists() {
+        fs::create_dir_all(cache.join("lightskin")).expect("a folder");
+        for file in MEASURED.iter() {
+            fs::copy(file, cache.join("lightskin").join(file.file_name().expect("a name"))).expect("a copy");
+        }
+    }
+}
+
 /// Runs the tool in a folder. Its cache is in the same folder.
 fn lightskin(folder: &Path, args: &[&str]) -> Output {
+    with_measured_gather(folder);
     keeping(Command::new(env!("CARGO_BIN_EXE_lightskin")).args(args), folder).output().expect("the tool runs")
 }
 
@@ -411,6 +435,7 @@ fn a_path_trace_is_of_all_light_unless_told_otherwise() {
 #[test]
 fn the_fastest_gather_is_measured_once_and_kept() {
     let at = folder("cli-gather");
+    fs::create_dir_all(at.join("cache/lightskin")).expect("a cache without the measurement");
     let mut args = vec!["render", ATRIUM, "-o", "a.exr", "--bounces", "1"];
     args.extend(SMALL);
     let measured = || -> Vec<PathBuf> {

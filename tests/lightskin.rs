@@ -13,6 +13,8 @@ mod app_lights;
 mod app_soak;
 #[cfg(feature = "app")]
 mod app_tools;
+#[cfg(feature = "app")]
+mod app_wayland;
 mod area_lights;
 mod bake;
 mod bench;

@@ -315,7 +315,7 @@ fn metals_mirror_what_paths_do() {
         }
         let size = [96, 64];
         let mut paths = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::engine(size, 2));
-        (0..32).for_each(|_| paths.pass());
+        (0..16).for_each(|_| paths.pass());
         let shot = shoot(&gpu(), &scene, Some(&caches), &Knobs { bounces: 2, ..near(size) });
         let shown: Vec<[f32; 3]> = shot.glossy.iter().map(|p| p.as_vec3().to_array()).collect();
         let m = metrics(&shown, &paths.glossy());
@@ -334,7 +334,7 @@ fn wide_lobes_have_the_light_of_paths() {
     let caches = bake(&scene, &settings, &|_, _| ()).expect("baked");
     let settings = PathTraceSettings::engine([96, 54], 1);
     let mut paths = PathTrace::new(&scene, &scene.cameras[0], &settings);
-    (0..24).for_each(|_| paths.pass());
+    (0..10).for_each(|_| paths.pass());
     let [off, on] = [Near::Off, RAYS].map(|near_is| {
         let shot = shoot(&gpu(), &scene, Some(&caches), &Knobs { near: near_is, ..near([96, 54]) });
         let shown: Vec<[f32; 3]> = shot.glossy.iter().map(|p| p.as_vec3().to_array()).collect();
@@ -353,7 +353,7 @@ fn wide_lobes_of_gltf_have_their_own_shape() {
     }
     let caches = baked(&scene, 0.2, 8);
     let mut paths = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::engine([96, 64], 1));
-    (0..64).for_each(|_| paths.pass());
+    (0..24).for_each(|_| paths.pass());
     let shot = shoot(&gpu(), &scene, Some(&caches), &near([96, 64]));
     let shown: Vec<[f32; 3]> = shot.glossy.iter().map(|p| p.as_vec3().to_array()).collect();
     let found = metrics(&shown, &paths.glossy());

@@ -15,6 +15,9 @@ use lightskin::reference::world::{self, Sides};
 use lightskin::scene::build::{atrium, cuboid, sphere, torus_knot};
 use lightskin::scene::{Scene, gltf};
 use rayon::prelude::*;
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::sync::LazyLock;
 
 use crate::analytic::numbers;
 use crate::common::frames::{add, phong, placed, small};
@@ -134,6 +137,8 @@ struct Asked {
 /// A scene on the device.
 struct Tracer {
     world: World,
+    /// By specialisation constants.
+    pipelines: RefCell<HashMap<[u32; 4], Pipeline>>,
     gpu: Turn,
 }
 
@@ -142,7 +147,7 @@ impl Tracer {
         let gpu = gpu();
         let world = World::new(&gpu, scene, None).expect("uploaded");
         world.make_rays(&gpu, scene).expect("hierarchy");
-        let tracer = Self { world, gpu };
+        let tracer = Self { world, pipelines: RefCell::default(), gpu };
         tracer.draw(scene);
         tracer
     }
@@ -162,13 +167,19 @@ impl Tracer {
         assert_eq!(drawn.expect("drawn").problems, [""; 0]);
     }
 
+    /// The shader, compiled once for all tests, in a pipeline that is made once for each scene.
+    fn pipeline(&self, constants: [u32; 4]) -> Pipeline {
+        static CODE: LazyLock<Vec<u32>> = LazyLock::new(|| compile(SHADER).unwrap_or_else(|error| panic!("{error}")));
+        let make = || from_spirv(&self.gpu, "test.rays", &CODE, &constants).expect("pipeline");
+        self.pipelines.borrow_mut().entry(constants).or_insert_with(make).clone()
+    }
+
     fn trace(&self, rays: &[Ray], asked: Asked) -> Vec<Met> {
         let buffers = self.world.rays().expect("rays");
         let [stack, levels, texels, holes] = buffers.constants(&self.gpu);
         let constants =
             [asked.stack.unwrap_or(stack), levels, if asked.other_way { 1 - texels } else { texels }, holes];
-        let code = compile(SHADER).unwrap_or_else(|error| panic!("{error}"));
-        let pipeline: Pipeline = from_spirv(&self.gpu, "test.rays", &code, &constants).expect("pipeline");
+        let pipeline = self.pipeline(constants);
         let from: Buffer = self.gpu.buffer_from("test.asked", rays).expect("rays");
         let to = self.gpu.buffer("test.met", (size_of::<Met>() * rays.len()) as u64).expect("hits");
         let mut binds: Vec<Bind<'_>> = buffers.binds(&self.world).to_vec();

@@ -1,7 +1,7 @@
 //! Shaders that the window compiles again when their files change, with `--dev`.
 
 use super::watch::Watch;
-use lightskin::gpu::ShaderFolder;
+use lightskin::gpu::{Gpu, ShaderFolder};
 use std::path::{Path, PathBuf};
 
 /// The folder of the shaders, and what is wrong with them.
@@ -23,12 +23,13 @@ impl Shaders {
         Ok(Self { folder, watch, error: None })
     }
 
-    /// Compiles what has changed. Returns whether new shaders are in use.
-    pub(super) fn reload(&mut self) -> bool {
+    /// Compiles what has changed. Returns whether new shaders are in use: all must compile, and the device must take
+    /// them.
+    pub(super) fn reload(&mut self, gpu: &Gpu) -> bool {
         if !self.watch.has_changed() {
             return false;
         }
-        match self.folder.reload() {
+        match self.folder.reload(gpu) {
             Ok(names) => {
                 self.error = None;
                 if !names.is_empty() {

@@ -1,9 +1,11 @@
 //! The open window: its state, its panels, and the drawing of a frame.
 
 mod faults;
+mod film;
 mod fit;
 pub(super) mod lost;
 mod save;
+mod size;
 
 use super::canvas::{Canvas, Scenery};
 use super::compare::{Compare, Now};
@@ -20,7 +22,7 @@ use crate::cli::view::{self, View as Args, print};
 use anyhow::{Context, Result};
 use faults::Faults;
 use lightskin::frame::Picture;
-use lightskin::gpu::{Gpu, Swapchain};
+use lightskin::gpu::{Cmd, Gpu, Swapchain};
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -84,11 +86,7 @@ pub(super) struct Open {
 impl Open {
     /// Opens the window and starts to load the scene.
     pub(super) fn new(events: &ActiveEventLoop, args: &Args) -> Result<Self> {
-        let panels = if args.no_panels { 0.0 } else { panel::WIDTH };
-        // The scale factor is unknown before the window exists; 1 is assumed.
-        let size = PhysicalSize::new(args.size[0] + (panels * args.ui_scale) as u32, args.size[1]);
-        let attributes = Window::default_attributes().with_title("lightskin").with_inner_size(size);
-        let window = Arc::new(events.create_window(attributes).context("opening a window")?);
+        let window = Arc::new(size::open(events, args)?);
         let display = events.display_handle().context("the display")?.as_raw();
         let gpu = Rc::new(args.open_device(display)?);
         let faults = Faults::new()?;
@@ -159,6 +157,7 @@ impl Open {
     /// Handles an event. Its changes appear in the next frame.
     pub(super) fn event(&mut self, event: &WindowEvent) {
         let begin = Instant::now();
+        self.keep_picture_size(event);
         let ours = self.input.is_ours(event, self.egui.egui_ctx());
         let answer = if ours { None } else { Some(self.egui.on_window_event(&self.window, event)) };
         if is_input(event) {
@@ -372,7 +371,7 @@ impl Open {
         let (canvas, look, over) = (&self.canvas, document.look, self.compare.over());
         let (shown, scale, marks) = (document.shown, *document.scale(), document.marks);
         let begin = Instant::now();
-        let frame = self.gpu.timed_frame(|cmd| {
+        let record = |cmd: &Cmd<'_>| {
             if let (Some(view), Some(engine), Some(picture)) = (view, &mut document.engine, &mut document.picture) {
                 engine.record(cmd, &mut [(view, picture)], &look);
                 document.insets.record(cmd, engine, (&view, picture));
@@ -394,9 +393,15 @@ impl Open {
             });
             canvas.record(cmd, scenery.as_ref());
             Ok(())
-        })?;
+        };
+        // Times of stages cost a software device one submission each, a quarter of a small frame. Panels show them.
+        let timed = self.panel.visible || !self.gpu.is_software();
+        let frame = if timed { self.gpu.timed_frame(record) } else { self.gpu.frame(record) }?;
         self.problems.extend(frame.problems);
-        self.document.time(self.gpu.finished_times()?);
+        let times = self.gpu.finished_times()?;
+        if timed {
+            self.document.time(times);
+        }
         let mut in_frame = begin.elapsed();
         self.document.drawn = view;
         if self.document.insets.read(&self.gpu)? {

@@ -65,9 +65,11 @@ struct Log;
 
 impl log::Log for Log {
     fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
-        // arboard, the clipboard, only warns that its text is lost when the window is closed.
+        // arboard, the clipboard, only warns that its text is lost when the window is closed. sctk_adwaita, the frame
+        // of windows on Wayland, only reports that the desktop prefers neither dark nor light.
         let from = metadata.target();
-        from.starts_with("lightskin") || (metadata.level() <= log::Level::Warn && !from.starts_with("arboard"))
+        let silent = ["arboard", "sctk_adwaita"].iter().any(|name| from.starts_with(name));
+        from.starts_with("lightskin") || (metadata.level() <= log::Level::Warn && !silent)
     }
     fn log(&self, record: &log::Record<'_>) {
         if self.enabled(record.metadata()) {

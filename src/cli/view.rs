@@ -53,8 +53,8 @@ pub(crate) struct View {
     /// Compile shaders again when their files change, for developers of lightskin.
     ///
     /// The default folder is the one from which this program was built. Another one must hold the same shaders at the
-    /// start. Errors appear over the picture, which keeps the last shaders that compiled. Other bindings, push constants
-    /// and structs of shared*.glsl need a new build.
+    /// start. Errors appear over the picture, which keeps the last shaders that compiled and that the device took. Other
+    /// bindings, push constants and structs of shared*.glsl need a new build.
     #[cfg(feature = "glsl")]
     #[arg(long, hide_short_help = true, value_name = "FOLDER", num_args = 0..=1, require_equals = true, default_missing_value = concat!(env!("CARGO_MANIFEST_DIR"), "/glsl"))]
     pub(crate) dev: Option<PathBuf>,

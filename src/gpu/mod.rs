@@ -23,6 +23,7 @@ mod layout;
 mod memory;
 mod pipeline;
 mod raster;
+mod recipe;
 mod reflect;
 mod registry;
 #[cfg(feature = "glsl")]

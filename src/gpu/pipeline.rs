@@ -5,6 +5,7 @@ use super::device::Shared;
 use super::graveyard::{Remains, lock};
 use super::layout::{Declared, DescriptorSlot, Layout};
 use super::raster::Depth;
+use super::recipe::Recipe;
 use super::{Device, reflect, vulkan};
 use crate::error::{Error, Result};
 use ash::vk;
@@ -48,10 +49,10 @@ impl Made {
     }
 }
 
-/// Cached pipelines by everything they are created from, and the number of pipelines created.
+/// Cached pipelines, and the number of pipelines created.
 #[derive(Default)]
 pub(super) struct Pipelines {
-    kept: HashMap<String, Kept>,
+    kept: HashMap<Recipe, Kept>,
     turn: u64,
     made: u64,
 }
@@ -60,6 +61,13 @@ struct Kept {
     pipeline: Pipeline,
     /// When it was last requested.
     turn: u64,
+}
+
+impl Kept {
+    /// Whether anything besides the cache holds it.
+    fn is_used(&self) -> bool {
+        Arc::strong_count(&self.pipeline.0) > 1
+    }
 }
 
 /// Maximum number of unused pipelines in the cache, the most recently used ones. So switching settings back and forth
@@ -110,7 +118,7 @@ impl Device {
     /// # Errors
     /// Fails if the driver rejects the shaders.
     pub fn compute(&self, name: &'static str, constants: &[u32]) -> Result<Pipeline> {
-        self.kept(format!("{name} {constants:?}"), || self.make_compute(name, &spirv(name, ".comp"), constants, None))
+        self.kept(Recipe::Compute { name, constants: constants.to_vec(), threads: None })
     }
 
     /// The same with full subgroups of this many threads.
@@ -122,8 +130,7 @@ impl Device {
     /// Fails if the driver rejects the shaders.
     pub fn compute_in_subgroups(&self, name: &'static str, constants: &[u32], threads: u32) -> Result<Pipeline> {
         assert!(self.voting_threads() == Some(threads), "{name}: subgroups of {threads} threads are not available");
-        let key = format!("{name} {constants:?} {threads}");
-        self.kept(key, || self.make_compute(name, &spirv(name, ".comp"), constants, Some(threads)))
+        self.kept(Recipe::Compute { name, constants: constants.to_vec(), threads: Some(threads) })
     }
 
     /// Creates a compute pipeline from other SPIR-V, newly with each call; tests use it for their own shaders.
@@ -147,29 +154,38 @@ impl Device {
         lock(&self.pipelines).clear();
     }
 
-    /// The pipeline with this key, or a new one.
-    pub(super) fn kept(&self, key: String, make: impl FnOnce() -> Result<Pipeline>) -> Result<Pipeline> {
+    /// The pipeline of this recipe: the cached one, or a new one.
+    pub(super) fn kept(&self, recipe: Recipe) -> Result<Pipeline> {
         {
             let pipelines = &mut *lock(&self.pipelines);
             pipelines.turn += 1;
-            if let Some(kept) = pipelines.kept.get_mut(&key) {
+            if let Some(kept) = pipelines.kept.get_mut(&recipe) {
                 kept.turn = pipelines.turn;
                 return Ok(kept.pipeline.clone());
             }
         }
-        let pipeline = make()?;
+        let pipeline = self.follow(&recipe)?;
         let pipelines = &mut *lock(&self.pipelines);
-        pipelines.kept.insert(key, Kept { pipeline: pipeline.clone(), turn: pipelines.turn });
-        let spare = pipelines.kept.iter().filter(|(_, kept)| Arc::strong_count(&kept.pipeline.0) == 1);
-        let mut spare: Vec<_> = spare.map(|(key, kept)| (kept.turn, key.clone())).collect();
-        spare.sort_unstable();
-        for (_, key) in spare.iter().rev().skip(SPARE) {
-            pipelines.kept.remove(key);
+        pipelines.kept.insert(recipe, Kept { pipeline: pipeline.clone(), turn: pipelines.turn });
+        let spare = pipelines.kept.iter().filter(|(_, kept)| !kept.is_used());
+        let mut spare: Vec<_> = spare.map(|(recipe, kept)| (kept.turn, recipe.clone())).collect();
+        spare.sort_unstable_by_key(|(turn, _)| *turn);
+        for (_, recipe) in spare.iter().rev().skip(SPARE) {
+            pipelines.kept.remove(recipe);
         }
         Ok(pipeline)
     }
 
-    fn make_compute(
+    /// Makes all pipelines in use again that need one of these shaders, and drops them: a test of changed shaders.
+    #[cfg(feature = "glsl")]
+    pub(super) fn try_again(&self, shaders: &[&str]) -> Result<()> {
+        let concerned = |(recipe, kept): &(&Recipe, &Kept)| kept.is_used() && shaders.iter().any(|s| recipe.needs(s));
+        let recipes: Vec<Recipe> =
+            lock(&self.pipelines).kept.iter().filter(concerned).map(|(recipe, _)| recipe.clone()).collect();
+        recipes.iter().try_for_each(|recipe| self.follow(recipe).map(drop))
+    }
+
+    pub(super) fn make_compute(
         &self,
         name: &'static str,
         code: &[u32],

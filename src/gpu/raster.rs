@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use ash::vk;
 
 /// Blending of a fragment's colour with the existing one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Blend {
     /// Replaces the existing colour.
     Replace,
@@ -20,7 +20,7 @@ pub enum Blend {
 }
 
 /// Depth test; depth is reversed, 1 near and 0 far.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Depth {
     /// No depth attachment.
     None,
@@ -40,7 +40,7 @@ impl Depth {
 }
 
 /// Drawn sides of triangles.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Cull {
     /// The front only.
     Back,
@@ -49,7 +49,7 @@ pub enum Cull {
 }
 
 /// Primitive type.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Shape {
     /// Every three vertices form a triangle.
     Triangles,
@@ -100,7 +100,7 @@ impl Device {
     /// # Errors
     /// Fails if the driver rejects the shaders.
     pub fn raster(&self, raster: &Raster<'_>) -> Result<Pipeline> {
-        self.kept(format!("{raster:?}"), || self.make_raster(raster))
+        self.kept(raster.into())
     }
 
     /// Asserts that vertices lie within their strides and the device's limits.
@@ -144,7 +144,7 @@ impl Device {
         Ok(())
     }
 
-    fn make_raster(&self, raster: &Raster<'_>) -> Result<Pipeline> {
+    pub(super) fn make_raster(&self, raster: &Raster<'_>) -> Result<Pipeline> {
         let name = raster.fragment.unwrap_or(raster.vertex);
         let mut codes = vec![(vk::ShaderStageFlags::VERTEX, spirv(raster.vertex, ".vert"))];
         codes.extend(raster.fragment.map(|f| (vk::ShaderStageFlags::FRAGMENT, spirv(f, ".frag"))));

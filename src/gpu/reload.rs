@@ -5,20 +5,24 @@ mod compile;
 #[path = "../../build/variants.rs"]
 mod variants;
 
+use super::Gpu;
+use super::graveyard::lock;
 use super::pipeline::{shader_names, spirv};
 use super::reflect::{self, Interface};
 use compile::Source;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::RwLock;
+use std::sync::Mutex;
 
 /// SPIR-V that replaces embedded shaders, by name.
-static REPLACED: RwLock<BTreeMap<String, Vec<u32>>> = RwLock::new(BTreeMap::new());
+static REPLACED: Mutex<Replaced> = Mutex::new(BTreeMap::new());
+
+type Replaced = BTreeMap<String, Vec<u32>>;
 
 /// The SPIR-V that replaces the embedded shader of this name, if any.
 pub(super) fn replaced(name: &str) -> Option<Vec<u32>> {
-    REPLACED.read().ok()?.get(name).cloned()
+    lock(&REPLACED).get(name).cloned()
 }
 
 /// A folder of shaders, whose changes replace the embedded ones.
@@ -42,11 +46,12 @@ impl ShaderFolder {
     }
 
     /// Compiles the shaders that have changed. Pipelines that are made from now on use them, on all devices. Returns their
-    /// names. If one does not compile, all stay as they are.
+    /// names. If one does not compile, or `gpu` refuses it in a pipeline that is in use, all stay as they are.
     ///
     /// # Errors
     /// Fails with file, line and reason if a shader does not compile, or if structs have changed that the host shares.
-    pub fn reload(&mut self) -> Result<Vec<String>, String> {
+    /// Fails with shader and reason if the device refuses it.
+    pub fn reload(&mut self, gpu: &Gpu) -> Result<Vec<String>, String> {
         if shared(&self.folder)? != self.shared {
             return Err("glsl/shared*.glsl: the host shares these structs; build lightskin again to change them".into());
         }
@@ -63,10 +68,13 @@ impl ShaderFolder {
         for (name, code) in &compiled {
             check_interface(name, code)?;
         }
-        if let Ok(mut replaced) = REPLACED.write() {
-            replaced.extend(compiled);
+        let names: Vec<String> = changed.iter().map(|(source, _)| source.name.clone()).collect();
+        let before = lock(&REPLACED).clone();
+        lock(&REPLACED).extend(compiled);
+        if let Err(error) = gpu.try_again(&names.iter().map(String::as_str).collect::<Vec<_>>()) {
+            *lock(&REPLACED) = before;
+            return Err(format!("the device refuses it: {error}"));
         }
-        let names = changed.iter().map(|(source, _)| source.name.clone()).collect();
         self.used.extend(changed.into_iter().map(|(source, text)| (source.name, text)));
         Ok(names)
     }

@@ -2,8 +2,6 @@
 
 use super::Open;
 use crate::app::canvas::Canvas;
-#[cfg(feature = "glsl")]
-use crate::app::shaders::Shaders;
 use crate::cli::check_messages;
 use anyhow::{Context, Error, Result, bail};
 use lightskin::frame::Engine;
@@ -56,16 +54,17 @@ impl Open {
         Ok(open)
     }
 
-    /// Whether shaders have changed and are compiled.
+    /// Whether shaders have changed, are compiled, and are taken by the device.
     #[cfg(feature = "glsl")]
     pub(in crate::app) fn has_new_shaders(&mut self) -> bool {
-        self.shaders.as_mut().is_some_and(Shaders::reload)
+        let gpu = &self.gpu;
+        self.shaders.as_mut().is_some_and(|shaders| shaders.reload(gpu))
     }
 
     /// Makes everything on the device anew, with the shaders of now.
     ///
     /// # Errors
-    /// Fails if the device refuses a shader.
+    /// Fails if no device opens.
     #[cfg(feature = "glsl")]
     pub(in crate::app) fn with_new_shaders(mut self) -> Result<Self> {
         self.writing.drain(..).for_each(|(_, thread)| drop(thread.join()));
