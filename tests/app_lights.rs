@@ -48,7 +48,7 @@ fn a_sky_leaves_the_edits() {
     let file = cornell();
     let words = ["view", file.to_str().expect("a path"), "--size", "96x1000"];
     let mut app = App::start(&display, &folder, &[&words[..], &light].concat());
-    app.line("scene");
+    let first = app.line("scene");
     app.settle("");
     // Switch the light off, add a point light, deselect it.
     app.tap([96 + 16, 439], "");
@@ -72,6 +72,21 @@ fn a_sky_leaves_the_edits() {
     app.settle("--sky-rotate ");
     assert!(png(&folder.join(app.picture())).1 != with_sky, "the picture must turn with the sky");
     assert_eq!(saved(&mut app, &folder).1["lights"], before["lights"]);
+    // A ground below the box, which rises.
+    app.choose([96 + 155, 658], 3, "");
+    let with_ground = app.line("scene");
+    assert_ne!(with_ground.split(':').nth(1), first.split(':').nth(1), "the ground must add triangles");
+    app.settle("--ground ");
+    let height = |app: &mut App| -> f64 {
+        let command = app.command();
+        let word = command.split("--ground ").nth(1).and_then(|rest| rest.split_whitespace().next()).expect("a height");
+        word.parse().expect("a number")
+    };
+    let lowest = height(&mut app);
+    app.slide([96 + 155, 684], 20, "");
+    app.line("scene");
+    app.settle("");
+    assert!(height(&mut app) > lowest, "{lowest}");
     // The sky has no sun, so that the lights are the same, and both steps can be undone.
     for step in 0..2 {
         app.press_with("Control", "Z");

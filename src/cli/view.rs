@@ -14,6 +14,7 @@ use lightskin::frame::{
     ClusterRule, Exposure, Interpolation, Look, Near, Picture, Quality, Settings, Shadows, Tonemap,
 };
 use lightskin::gpu::{Gpu, Present};
+use lightskin::scene::defaults::Ground;
 use std::ffi::OsString;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -183,6 +184,15 @@ impl View {
 
     pub(crate) fn set_angle(&mut self, degrees: f64) {
         self.caches.angle = degrees;
+    }
+
+    /// The requested ground.
+    pub(crate) fn ground(&self) -> Ground {
+        self.caches.ground
+    }
+
+    pub(crate) fn set_ground(&mut self, ground: Ground) {
+        self.caches.ground = ground;
     }
 
     /// Number of caches interpolated at each vertex.
