@@ -336,6 +336,18 @@ fn bodies_are_filled() {
     app.settle("");
     assert!(picture(&mut app) == marble, "redone");
 
+    // Edits during the uploads of others.
+    for entry in [3, 7, 0, 7] {
+        choose(&mut app, entry);
+    }
+    assert!(picture(&mut app) == marble, "the last of several edits");
+    app.press_with("Control", "Z");
+    assert!(picture(&mut app) == hollow, "undone during or after an upload");
+    app.hold("Shift", true);
+    app.press_with("Control", "Z");
+    app.hold("Shift", false);
+    assert!(picture(&mut app) == marble, "redone");
+
     // Rows below: colour, mean free path, scale.
     app.resize(384, 1100);
     app.command();

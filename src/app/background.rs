@@ -53,10 +53,15 @@ impl Rest {
 
     /// Runs requested work on one thread. It has priority over work that calls `wait`.
     pub(super) fn first<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        struct Held<'a>(&'a AtomicU32);
+        impl Drop for Held<'_> {
+            fn drop(&mut self) {
+                self.0.fetch_sub(1, Ordering::Relaxed);
+            }
+        }
         self.held.fetch_add(1, Ordering::Relaxed);
-        let done = alone(work);
-        self.held.fetch_sub(1, Ordering::Relaxed);
-        done
+        let _held = Held(&self.held); // also if the work panics
+        alone(work)
     }
 }
 

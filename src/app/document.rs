@@ -247,10 +247,10 @@ impl Document {
     /// Edits the scene. The next frame shows the change, or the first one after another upload of the scene.
     pub(super) fn edit(&mut self, gpu: &Gpu, change: impl FnOnce(&mut Scene)) {
         self.changes += 1;
-        match self.engine.as_mut().map(|engine| engine.edit_in_place(gpu, change)) {
-            Some(Ok(false)) => self.upload_again(gpu),
-            Some(Err(error)) => lost::report(&error.into()),
-            Some(Ok(true)) | None => {}
+        if let Some(engine) = &mut self.engine
+            && let Err(error) = engine.edit_in_place(gpu, change)
+        {
+            lost::report(&error.into());
         }
     }
 
@@ -287,14 +287,14 @@ impl Document {
     /// Fails if the device is lost, or nothing can be shown.
     pub(super) fn fit(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<bool> {
         self.asked = size;
-        // What takes long is made on another thread. Until then the previous settings stay.
-        let is_ready = self.engine.as_ref().is_none_or(|engine| engine.is_ready_for(&self.settings));
-        if !is_ready {
+        if self.is_behind() {
             self.upload_again(gpu);
         }
+        // What takes long is made on another thread. Until then the previous settings stay.
+        let is_ready = self.engine.as_ref().is_none_or(|engine| engine.is_ready_for(&self.settings));
         let settings = if is_ready { self.settings } else { self.fitted };
         let kept = self.picture.as_ref().map(Picture::size);
-        let refused = self.refused == Some((size, self.settings));
+        let refused = self.refused == Some((size, settings));
         let wanted = if refused { kept } else { Some(size).filter(|size| !size.contains(&0)) };
         let Err(error) = self.try_fit(gpu, settings, wanted) else {
             self.refused = self.refused.filter(|_| refused);
@@ -306,7 +306,7 @@ impl Document {
         if wanted != kept && self.try_fit(gpu, settings, kept).is_ok() {
             let kept = kept.map_or("there is no picture".into(), |[w, h]| format!("the picture stays at {w}x{h}"));
             log::error!("{error:#}; {kept}");
-            self.refused = Some((size, self.settings));
+            self.refused = Some((size, settings));
             return Ok(false);
         }
         if self.settings == self.fitted {

@@ -23,6 +23,10 @@ use std::thread::JoinHandle;
 #[derive(Default)]
 pub(super) struct Loading {
     job: Option<Job>,
+    /// Another upload of the present scene, for edits or settings that need it.
+    again: Option<Thread<Uploaded>>,
+    /// `Document::changes` when such an upload failed and nothing could be taken back.
+    refused: Option<u64>,
     /// Uploads whose results are no longer wanted. They cannot be stopped.
     replaced: Vec<Thread<Uploaded>>,
 }
@@ -40,8 +44,7 @@ struct Job {
 
 enum Step {
     Load(JoinHandle<Result<Loaded>>),
-    /// Without `Prepared`, the present scene is uploaded again.
-    Upload(Thread<Uploaded>, Option<Box<Prepared>>),
+    Upload(Thread<Uploaded>, Box<Prepared>),
 }
 
 /// A thread that uses the device, which must not be closed before it ends. So dropping this waits.
@@ -78,10 +81,9 @@ impl Loading {
         self.job.is_some()
     }
 
-    /// Replaces the job. Returns the old one, unless it is complete but for its upload.
+    /// Replaces the job. Returns the old one; its upload, if it has begun, ends for nothing.
     fn replace(&mut self, job: Option<Job>) -> Option<Job> {
         let mut old = std::mem::replace(&mut self.job, job)?;
-        self.replaced.retain(|thread| !thread.is_finished());
         if let Step::Upload(thread, _) = &mut old.step {
             self.replaced.push(Thread(thread.0.take()));
         }
@@ -152,13 +154,15 @@ impl Document {
         self.loading.replace(Some(Job { step: Step::Load(thread), progress, args, anew, session }));
     }
 
-    /// Waits for threads that use the device, and loads the scene again that was being uploaded.
+    /// Waits for threads that use the device. A scene that is being uploaded is loaded again. The present one is not: it
+    /// will be uploaded to the next device.
     pub(super) fn load_again(&mut self) {
         if matches!(&self.loading.job, Some(Job { step: Step::Upload(..), .. }))
             && let Some(job) = self.loading.replace(None)
         {
             self.start(job.args, job.anew, job.session);
         }
+        self.loading.again = None;
         self.loading.replaced.clear();
     }
 
@@ -167,23 +171,32 @@ impl Document {
         self.loading.job.as_ref().map_or(&self.args, |job| &job.args)
     }
 
-    /// Whether edits or settings are not visible yet, because the scene is being uploaded again.
+    /// Whether edits or settings are not visible yet, because they need another upload of the scene.
     pub(super) fn is_behind(&self) -> bool {
-        matches!(&self.loading.job, Some(Job { step: Step::Upload(_, None), .. }))
+        self.engine.as_ref().is_some_and(|engine| engine.is_behind() || !engine.is_ready_for(&self.settings))
     }
 
     /// Progress of the job from 0 to 1, and its current step. `None` without a job.
     pub(super) fn progress(&self) -> Option<(f32, String)> {
-        self.loading.job.as_ref().map(|job| job.progress.get())
+        let again = || self.loading.again.as_ref().map(|_| (1.0, "upload".to_owned()));
+        self.loading.job.as_ref().map(|job| job.progress.get()).or_else(again)
     }
 
-    /// Continues with the result of a finished step. Returns whether another scene is shown. Never waits. If a scene
-    /// does not load, or does not fit in memory beside the old one, the old one stays.
+    /// Continues with the result of a finished step. Returns whether a scene was loaded. Never waits. If a scene does not
+    /// load, or does not fit in memory beside the old one, the old one stays.
     ///
     /// # Errors
     /// Fails if the first scene does not load, because there is nothing to show. Also fails if the device is lost; then
     /// the job starts again.
     pub(super) fn poll(&mut self, gpu: &Gpu) -> Result<bool> {
+        self.loading.replaced.retain(|thread| !thread.is_finished());
+        if let Some(thread) = self.loading.again.take_if(|thread| thread.is_finished()) {
+            match thread.join().and_then(|uploaded| self.take_again(gpu, uploaded)) {
+                Err(error) if lost::is_loss(&error) => return Err(error),
+                Err(error) => self.refuse(gpu, &error),
+                Ok(()) => {}
+            }
+        }
         let is_finished = |job: &mut Job| match &job.step {
             Step::Load(thread) => thread.is_finished(),
             Step::Upload(thread, _) => thread.is_finished(),
@@ -191,17 +204,13 @@ impl Document {
         let Some(Job { step, progress, args, anew, session }) = self.loading.job.take_if(is_finished) else {
             return Ok(false);
         };
-        let is_again = matches!(step, Step::Upload(_, None));
         let done = match step {
             Step::Load(thread) => joined(thread)
                 .and_then(|loaded| self.upload(gpu, loaded, (&args, anew, session.as_ref()), &progress))
                 .map(Some),
             Step::Upload(thread, prepared) => thread
                 .join()
-                .and_then(|uploaded| match prepared {
-                    Some(prepared) => self.take(gpu, uploaded, *prepared, (&args, anew, session.as_ref())),
-                    None => self.take_again(gpu, uploaded),
-                })
+                .and_then(|uploaded| self.take(gpu, uploaded, *prepared, (&args, anew, session.as_ref())))
                 .map(|()| None),
         };
         match (done, &self.engine) {
@@ -211,15 +220,24 @@ impl Document {
                 self.start(args, anew, session);
                 return Err(error);
             }
-            // Settings that need more of the scene may be why it was uploaded again.
-            (Err(error), Some(_)) if self.settings != self.fitted && is_again => {
-                log::error!("{error:#}; the previous settings are restored");
-                self.settings = self.fitted;
-            }
             (Err(error), Some(_)) => log::error!("{error:#}; the scene stays as it was"),
             (Err(error), None) => return Err(error),
         }
         Ok(false)
+    }
+
+    /// Takes back what needed another upload that has failed: the last edit, or else the settings.
+    fn refuse(&mut self, gpu: &Gpu, error: &anyhow::Error) {
+        if self.engine.as_ref().is_some_and(|engine| !engine.is_behind()) {
+            log::error!("{error:#}; the previous settings are restored");
+            self.settings = self.fitted;
+        } else if self.history.can_undo() {
+            log::error!("{error:#}; the last edit is undone");
+            self.undo(gpu, false);
+        } else {
+            log::error!("{error:#}; the picture lacks the last edits");
+            self.loading.refused = Some(self.changes);
+        }
     }
 
     /// Copies edits to a loaded scene, and starts to upload it.
@@ -253,17 +271,18 @@ impl Document {
         }
         let prepared = Prepared { settings, keeps_settings, count, lights, of_file, materials, changes: self.changes };
         progress.set(1.0, "upload");
-        Ok(Step::Upload(self.upload_thread(gpu, settings, || loaded), Some(Box::new(prepared))))
+        Ok(Step::Upload(self.upload_thread(gpu, settings, || loaded), Box::new(prepared)))
     }
 
-    /// Uploads the present scene again, for an edit or settings that need it. A job that loads the scene copies all edits anyway.
+    /// Starts to upload the present scene again, unless it is being done.
     pub(super) fn upload_again(&mut self, gpu: &Gpu) {
-        let (false, Some(engine)) = (self.loading.works(), &self.engine) else { return };
-        let (scene, caches, progress) = (engine.scene().clone(), engine.baked().cloned(), Progress::default());
-        progress.set(1.0, "upload");
-        let thread = self.upload_thread(gpu, self.settings, move || Loaded { scene: Scene::clone(&scene), caches });
-        let step = Step::Upload(thread, None);
-        self.loading.replace(Some(Job { step, progress, args: self.args.clone(), anew: false, session: None }));
+        let (None, Some(engine)) = (&self.loading.again, &self.engine) else { return };
+        if self.loading.refused == Some(self.changes) {
+            return;
+        }
+        let (scene, caches) = (engine.scene().clone(), engine.baked().cloned());
+        let loaded = move || Loaded { scene: Scene::clone(&scene), caches };
+        self.loading.again = Some(self.upload_thread(gpu, self.settings, loaded));
     }
 
     /// Puts a scene onto the device on another thread.
@@ -293,14 +312,13 @@ impl Document {
         self.engine.is_some() && args.scene == self.args.scene
     }
 
-    /// Shows the present scene as it was uploaded again, with all edits since.
+    /// Shows the present scene as it was uploaded again, with all edits since. If these need yet another upload, it
+    /// follows.
     fn take_again(&mut self, gpu: &Gpu, Uploaded { mut engine, picture, fitted }: Uploaded) -> Result<()> {
-        if let Some(old) = &self.engine {
-            let scene = old.scene().clone();
-            engine.edit(gpu, |new| new.clone_from(&scene))?;
-        }
+        // What needed the upload may have been undone.
+        let (true, Some(old)) = (self.is_behind(), &self.engine) else { return Ok(()) };
+        engine.show(gpu, old.scene().clone())?;
         (self.engine, self.picture, self.fitted, self.refused) = (Some(engine), picture, fitted, None);
-        self.changes += 1;
         Ok(())
     }
 
@@ -315,7 +333,7 @@ impl Document {
         // Edits made during the upload.
         if let Some(old) = self.engine.as_ref().filter(|_| !anew && session.is_none() && changes != self.changes) {
             lights = of_file.keeping(&self.lights);
-            engine.edit(gpu, |scene| {
+            engine.edit_in_place(gpu, |scene| {
                 keep_edits(old.scene(), scene, &self.edited);
                 lights.apply(scene);
             })?;
@@ -325,12 +343,17 @@ impl Document {
         (self.engine, self.fitted, self.refused) = (Some(engine), fitted, None);
         self.picture = picture;
         self.changes += 1;
+        // The upload that it needs follows.
+        self.loading.replaced.extend(self.loading.again.take());
         self.of_file = materials;
         (self.pixel, self.video) = (None, None);
         self.gizmo.clear();
         // Steps of other lights cannot be undone.
         if anew || !lights.has_the_file_of(&self.lights) {
             self.history = History::default();
+        }
+        if !anew {
+            lights.chosen = self.lights.chosen.filter(|index| *index < lights.lamps.len());
         }
         self.lights = lights;
         if anew {

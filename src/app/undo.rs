@@ -28,6 +28,11 @@ pub(super) struct History {
 }
 
 impl History {
+    /// Whether there is a step to undo.
+    pub(super) fn can_undo(&self) -> bool {
+        !self.past.is_empty()
+    }
+
     /// Notes that something changes.
     pub(super) fn change(&mut self) {
         if !std::mem::replace(&mut self.open, true) {

@@ -309,13 +309,6 @@ impl Open {
             self.faults.frame(&self.gpu);
         }
         self.document.watch();
-        let polled = Instant::now();
-        if self.document.poll(&self.gpu)?
-            && let Some(scene) = self.document.scene()
-        {
-            self.window.set_title(&format!("{} - lightskin", scene.name));
-        }
-        let mut making = polled.elapsed();
         self.input.fly(past, &mut self.document);
         if self.document.clip.playing {
             self.document.clip.time += past * self.document.clip.speed;
@@ -360,9 +353,18 @@ impl Open {
         let far = [pixel(left_over.max.x, size[0]), pixel(left_over.max.y, size[1])];
         self.place = (corner, [0, 1].map(|i| far[i].saturating_sub(corner[i])));
 
-        let begin = Instant::now();
+        // After all that reads the picture of the last frame: a new scene has a new one.
+        let (begin, worked) = (Instant::now(), self.document.progress().is_some());
+        if self.document.poll(&self.gpu)?
+            && let Some(scene) = self.document.scene()
+        {
+            self.window.set_title(&format!("{} - lightskin", scene.name));
+        }
+        if worked && self.document.progress().is_none() {
+            self.redraw(); // with new panels
+        }
         self.fit_picture()?;
-        making += begin.elapsed();
+        let making = begin.elapsed();
         self.fit_insets()?;
         let primitives = context.tessellate(output.shapes, scale);
         self.canvas.take(&self.gpu, &primitives, scale)?;

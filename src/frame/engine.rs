@@ -109,6 +109,8 @@ pub struct Engine {
     light: Light,
     settings: Settings,
     job: Option<Job>,
+    /// Whether `scene` has changes that frames do not show.
+    behind: bool,
 }
 
 impl Engine {
@@ -120,7 +122,7 @@ impl Engine {
         let Loaded { scene, caches } = loaded;
         let world = World::new(gpu, &scene, caches.as_ref())?;
         let light = Light::new(gpu, &scene, &world, settings, 1)?;
-        Ok(Self { scene: Arc::new(scene), world, light, settings: *settings, job: None })
+        Ok(Self { scene: Arc::new(scene), world, light, settings: *settings, job: None, behind: false })
     }
 
     /// Takes the scene, with all edits, and its caches back from the device. With these, `new` makes the same engine on
@@ -173,23 +175,36 @@ impl Engine {
         change(Arc::make_mut(&mut scene));
         let updated = self.world.update(gpu, &scene);
         self.scene = scene;
+        self.behind = updated.is_err();
         updated
     }
 
-    /// As `edit`, if the change only rewrites what is on the device. Otherwise returns false: `scene` has the change, but
-    /// frames keep showing the old state. A new engine of `scene` and `baked`
-    /// shows the change; it can be made on another thread.
+    /// As `edit`, if the change only rewrites what is on the device. Otherwise `is_behind` is true from now on: `scene` has
+    /// the change, but frames keep showing the old state. A new engine of `scene` and `baked` shows it. It can be made
+    /// on another thread.
     ///
     /// # Errors
     /// As `edit`.
-    pub fn edit_in_place(&mut self, gpu: &Device, change: impl FnOnce(&mut Scene)) -> Result<bool> {
+    pub fn edit_in_place(&mut self, gpu: &Device, change: impl FnOnce(&mut Scene)) -> Result<()> {
         // Avoids a copy unless a job or the caller still reads the scene.
         let mut scene = std::mem::take(&mut self.scene);
         change(Arc::make_mut(&mut scene));
-        let in_place = self.world.updates_in_place(&scene);
-        let updated = if in_place { self.world.update(gpu, &scene) } else { Ok(()) };
+        self.show(gpu, scene)
+    }
+
+    /// Replaces the scene by one that differs from it only by edits, as `edit_in_place` does.
+    ///
+    /// # Errors
+    /// As `edit`.
+    pub fn show(&mut self, gpu: &Device, scene: Arc<Scene>) -> Result<()> {
         self.scene = scene;
-        updated.map(|()| in_place)
+        self.behind = !self.world.updates_in_place(&self.scene);
+        if self.behind { Ok(()) } else { self.world.update(gpu, &self.scene) }
+    }
+
+    /// Whether the scene has changes that frames do not show.
+    pub fn is_behind(&self) -> bool {
+        self.behind
     }
 
     /// The caches of the scene, as a job made them.
@@ -204,6 +219,7 @@ impl Engine {
     pub fn load(&mut self, gpu: &Device, loaded: Loaded) -> Result<()> {
         self.world = World::new(gpu, &loaded.scene, loaded.caches.as_ref())?;
         self.scene = Arc::new(loaded.scene);
+        self.behind = false;
         Ok(())
     }
 

@@ -83,6 +83,8 @@ impl<'g> Cmd<'g> {
         let start = self.slot.borrow().notes.now();
         let submitted = &self.gpu.shared.submitted;
         let value = submitted.load(Ordering::SeqCst) + 1;
+        // SAFETY: the buffer is recording and complete.
+        unsafe { self.gpu.shared.device.end_command_buffer(self.buffer) }.map_err(vulkan("ending a frame"))?;
         let prologue = self.prologue()?;
         let buffers: Vec<_> = prologue
             .into_iter()
@@ -94,9 +96,8 @@ impl<'g> Cmd<'g> {
             .value(value)
             .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
         let info = vk::SubmitInfo2::default().command_buffer_infos(&buffers).signal_semaphore_infos(&signals);
-        // SAFETY: the buffer is recording and complete; one thread records at a time (`Gpu` is not `Sync`).
+        // SAFETY: the buffers are complete; one thread submits (`Gpu` is not `Sync`).
         unsafe {
-            self.gpu.shared.device.end_command_buffer(self.buffer).map_err(vulkan("ending a frame"))?;
             self.gpu
                 .shared
                 .check_lost(Call::Submit)

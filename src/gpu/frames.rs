@@ -22,7 +22,7 @@ const KEPT_TIMES: usize = 256;
 pub(crate) struct Slot {
     shared: Arc<Shared>,
     pub(crate) buffer: vk::CommandBuffer,
-    /// Submitted before `buffer`. Transitions new images to layout GENERAL.
+    /// Submitted before `buffer`. Transitions new images to layout GENERAL, and copies the content of new resources.
     pub(super) prologue: vk::CommandBuffer,
     pub(crate) queries: vk::QueryPool,
     /// The frame that is being or was last recorded here.
@@ -57,7 +57,7 @@ impl Slot {
         let buffers = unsafe { shared.device.allocate_command_buffers(&info) }.map_err(vulkan("command buffers"))?;
         let [prologue, buffer] = [buffers[0], buffers[1]];
         shared.name(buffer, &format!("frame.commands {index}"));
-        shared.name(prologue, &format!("frame.new images {index}"));
+        shared.name(prologue, &format!("frame.uploads {index}"));
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2 * MAX_ZONES);
         // SAFETY: the device is alive; destroyed in `Drop`.
         let queries = unsafe { shared.device.create_query_pool(&info, None) }.map_err(vulkan("timestamp queries"))?;

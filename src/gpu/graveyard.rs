@@ -42,7 +42,8 @@ pub(super) struct Graveyard {
     graves: VecDeque<Grave>,
     /// New images. All are alive, or in a grave until the next submission is done.
     fresh: Vec<Fresh>,
-    /// Content of new buffers and textures. Their resources are alive, or in a grave until the next submission is done.
+    /// Content of new buffers and textures. Their resources are alive, or in a grave; `forget_dropped` removes those that
+    /// the next submission may outlive.
     pub(super) uploads: Vec<Upload>,
 }
 

@@ -166,7 +166,9 @@ impl Device {
         }
         let pipeline = self.follow(&recipe)?;
         let pipelines = &mut *lock(&self.pipelines);
-        pipelines.kept.insert(recipe, Kept { pipeline: pipeline.clone(), turn: pipelines.turn });
+        // Another thread may have made it meanwhile.
+        let turn = pipelines.turn;
+        let pipeline = pipelines.kept.entry(recipe).or_insert(Kept { pipeline, turn }).pipeline.clone();
         let spare = pipelines.kept.iter().filter(|(_, kept)| !kept.is_used());
         let mut spare: Vec<_> = spare.map(|(recipe, kept)| (kept.turn, recipe.clone())).collect();
         spare.sort_unstable_by_key(|(turn, _)| *turn);

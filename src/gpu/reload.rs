@@ -87,7 +87,9 @@ fn check_interface(name: &str, code: &[u32]) -> Result<(), String> {
     }
     let stage = &name[name.rfind('.').unwrap_or(0)..];
     let [now, before] = [code, &spirv(name, stage)].map(|code| reflect::interface(code, &[]));
-    let places = |interface: &Interface| interface.bindings.iter().map(|b| (b.binding, b.kind)).collect::<Vec<_>>();
+    let places = |interface: &Interface| {
+        interface.bindings.iter().map(|b| (b.binding, b.kind, b.view, b.format)).collect::<Vec<_>>()
+    };
     if places(&now) != places(&before) || now.push_bytes != before.push_bytes || now.inputs != before.inputs {
         return Err(format!(
             "{name}: has other bindings, push constants or inputs; build lightskin again to change them"

@@ -268,10 +268,15 @@ impl Swapchain {
     /// Fills an image of the window and presents it.
     fn try_show(&mut self, image: &Image) -> std::result::Result<bool, vk::Result> {
         // New images may be dropped by another thread while this submission refers to them.
-        self.gpu.shared.begin_recording();
-        let shown = self.fill_and_present(image);
-        self.gpu.shared.end_recording();
-        shown
+        struct Recording(Arc<Shared>);
+        impl Drop for Recording {
+            fn drop(&mut self) {
+                self.0.end_recording();
+            }
+        }
+        let recording = Recording(self.gpu.shared.clone());
+        recording.0.begin_recording();
+        self.fill_and_present(image)
     }
 
     fn fill_and_present(&mut self, image: &Image) -> std::result::Result<bool, vk::Result> {

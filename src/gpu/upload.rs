@@ -1,5 +1,5 @@
-//! Content of new buffers and textures. It waits in host memory; the next submission of any kind copies it first. So
-//! any thread can fill new resources, without waiting for the device.
+//! Content of new buffers and textures. It waits in host memory; the next frame or read-back copies it first. So any
+//! thread can fill new resources, without waiting for the device.
 
 use super::Image;
 use super::buffer::Buffer;

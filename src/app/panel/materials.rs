@@ -59,7 +59,7 @@ pub(super) fn show(ui: &mut Ui, document: &mut Document, edited: &mut Edited, gp
         .changed();
         material.emissive = Vec3::from(color) * strength;
         if let Some(of_file) = document.of_file.get(chosen).filter(|_| chosen == document.material) {
-            changed |= subsurface::show(ui, &mut material, of_file, edited);
+            changed |= subsurface::show(ui, (document.material, &mut material), of_file, edited);
         }
     });
     if changed && chosen == document.material {

@@ -6,9 +6,10 @@ use glam::Vec3;
 use lightskin::scene::Material;
 use lightskin::scene::medium::Subsurface;
 
-/// A medium while a button is held. The scene is uploaded again when the button is released.
+/// The medium of a material, by its index, while a button is held. The scene is uploaded again when the button is
+/// released.
 #[derive(Default)]
-pub(super) struct Edited(Option<Subsurface>);
+pub(super) struct Edited(Option<(usize, Subsurface)>);
 
 /// Mean free path of a medium that is switched on with the surface's own colour [m].
 const PATH: f32 = 2e-3;
@@ -36,9 +37,16 @@ fn color_and_path(inside: Subsurface) -> [Vec3; 2] {
     [medium.diffuse_albedo().as_vec3(), medium.extinction.recip().as_vec3()]
 }
 
-/// Adds the controls to a grid. `of_file` is the material as the file has it. Returns whether the material has changed.
-pub(super) fn show(ui: &mut Ui, material: &mut Material, of_file: &Material, edited: &mut Edited) -> bool {
-    let now = edited.0.or(material.subsurface);
+/// Adds the controls of a material to a grid. `of_file` is the material as the file has it. Returns whether the material
+/// has changed.
+pub(super) fn show(
+    ui: &mut Ui,
+    (index, material): (usize, &mut Material),
+    of_file: &Material,
+    edited: &mut Edited,
+) -> bool {
+    let held = edited.0.filter(|(of, _)| *of == index).map(|(_, inside)| inside);
+    let now = held.or(material.subsurface);
     let mut wanted = now;
     let before = Below::of(now);
     let mut below = before;
@@ -52,9 +60,9 @@ pub(super) fn show(ui: &mut Ui, material: &mut Material, of_file: &Material, edi
     let of_glass = if transparent { " It is not available: this material is transparent." } else { "" };
     let help = format!(
         "Light that enters the surface, scatters below it and leaves it elsewhere, as in marble, milk or skin. Presets are \
-         measured, except wax and jade. The size of the body counts. The medium replaces base colour and texture; without \
-         it those of the file return. Then all caches are lit, also those that no visible surface needs. After a change, \
-         the whole scene is uploaded again.{of_glass}"
+         measured, except wax and jade. The same medium looks more opaque in a larger body. It replaces base colour and \
+         texture; without it, those of the file return. With a medium, all caches are lit, also those that no visible \
+         surface needs. After a change, the whole scene is uploaded again.{of_glass}"
     );
     row(ui, "Subsurface", &help, |ui| {
         ui.add_enabled_ui(!transparent, |ui| choose(ui, "subsurface", &mut below, &all)).inner
@@ -70,13 +78,14 @@ pub(super) fn show(ui: &mut Ui, material: &mut Material, of_file: &Material, edi
     } else if let Some(inside) = &mut wanted {
         controls(ui, inside);
     }
-    if wanted != now {
-        edited.0 = wanted;
-    }
-    if ui.input(|input| input.pointer.any_down()) || (wanted == material.subsurface) {
+    if ui.input(|input| input.pointer.any_down()) {
+        edited.0 = wanted.map(|inside| (index, inside)).filter(|_| wanted != material.subsurface);
         return false;
     }
     edited.0 = None;
+    if wanted == material.subsurface {
+        return false;
+    }
     match wanted {
         Some(inside) => material.fill(inside),
         None => empty(material, of_file),

@@ -18,7 +18,8 @@ impl Open {
     /// Poses the scene for the next frame of the video, if that frame can be written. Returns whether it was posed.
     pub(super) fn pose_for_video(&mut self) -> bool {
         let moment = self.document.video.as_ref().and_then(Video::moment);
-        let moment = moment.filter(|_| self.can_write() && self.document.picture.is_some());
+        let moment =
+            moment.filter(|_| self.can_write() && self.document.picture.is_some() && !self.document.is_behind());
         if let Some(moment) = moment {
             self.document.clip.time = moment;
             self.document.pose(&self.gpu);
@@ -28,7 +29,7 @@ impl Open {
 
     /// Writes the video frame that was just drawn, if any, and ends a complete video. Fails only if the device is lost.
     pub(super) fn film_frame(&mut self, drawn: bool) -> Result<()> {
-        let file = self.document.video.as_ref().filter(|_| drawn).map(Video::file);
+        let file = self.document.video.as_ref().filter(|_| drawn && !self.document.is_behind()).map(Video::file);
         match file.map(|file| self.write(file, false)) {
             Some(Err(error)) if lost::is_loss(&error) => return Err(error),
             Some(Err(error)) => {

@@ -75,8 +75,8 @@ impl Open {
 
     fn on_new_device(self) -> Result<Self> {
         let Self { mut document, mut compare, canvas, swapchain, gpu, .. } = self;
-        let loaded = document.engine.take().map(Engine::into_loaded);
         document.leave_device();
+        let loaded = document.engine.take().map(Engine::into_loaded);
         compare.leave_device();
         let glyphs = canvas.into_glyphs();
         drop(swapchain);
