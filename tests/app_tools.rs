@@ -336,8 +336,8 @@ fn bodies_are_filled() {
     app.settle("");
     assert!(picture(&mut app) == marble, "redone");
 
-    // Edits during the uploads of others.
-    for entry in [3, 7, 0, 7] {
+    // Edits during the uploads of others. Below a preset the list lacks "own colour", so "off" is one entry further down.
+    for entry in [3, 7, 1, 7] {
         choose(&mut app, entry);
     }
     assert!(picture(&mut app) == marble, "the last of several edits");
