@@ -38,7 +38,7 @@ pub(super) fn controls(ui: &mut Ui, document: &mut Document) {
         ];
         let help = "Shows what a light sees, in a corner of the picture. The texels of its reflective shadow map (RSM) become \
                     virtual lights. All lights draw their RSMs into the same images, one after another. So the chosen one is \
-                    drawn again, whenever the light or the scene changes. A shadow map is shown as it is, if each light keeps \
+                    drawn again, whenever the light or the scene changes. A shadow map is shown only if each light keeps \
                     its own.";
         row(ui, "Light's map", help, |ui| choose(ui, "inset map", &mut insets.map, &maps));
         if let Some((mut light, info, view)) = insets.chosen(world).filter(|_| insets.map != Map::Off) {
