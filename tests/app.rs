@@ -194,22 +194,27 @@ fn variants_of_the_method_can_be_chosen() {
     assert!(png(&folder.join("again.png")).1 == seen[3], "the command must draw the picture of the window: {command}");
 }
 
+/// A window with the Cornell box, 32 x 32 virtual lights and no discs of lights.
+fn with_few_lights(display: &Display, folder: &Path) -> App {
+    let scene = cornell();
+    let path = scene.to_str().expect("a path");
+    let mut app = App::start(display, folder, &[&["view", path, "--size", "160x48"], &SMALL[..]].concat());
+    app.line("scene");
+    app.resize(480, 1000);
+    app.press("L");
+    // Buttons lie where the previous frame put them, so wait for one frame.
+    app.command();
+    app.choose([160 + 135, 298], 1, "--rsm 32");
+    app
+}
+
 /// Each kind of mark is drawn over the picture, and nothing is where there are no caches and no virtual lights.
 #[test]
 fn marks_are_drawn_over_the_picture() {
     let Some(display) = Display::open() else { return };
     let folder = folder("app_marks");
-    let scene = cornell();
-    let path = scene.to_str().expect("a path");
-    let mut app = App::start(&display, &folder, &[&["view", path, "--size", "160x48"], &SMALL[..]].concat());
-    app.line("scene");
-    app.resize(480, 1000);
-    // Without the discs of lights.
-    app.press("L");
-    // Buttons lie where the previous frame put them, so wait for one frame.
-    app.command();
+    let mut app = with_few_lights(&display, &folder);
     let x = 160 + 135;
-    app.choose([x, 298], 1, "--rsm 32");
     // Tooltips cover the lower part of the picture.
     let (size, upper) = ([160, 600], |i: usize| i < 160 * 600);
     let plain = png(&folder.join(app.picture())).1;
@@ -254,17 +259,8 @@ fn marks_are_drawn_over_the_picture() {
 fn insets_lie_in_a_corner() {
     let Some(display) = Display::open() else { return };
     let folder = folder("app_insets");
-    let scene = cornell();
-    let path = scene.to_str().expect("a path");
-    let mut app = App::start(&display, &folder, &[&["view", path, "--size", "160x48"], &SMALL[..]].concat());
-    app.line("scene");
-    app.resize(480, 1000);
-    // Without the discs of lights.
-    app.press("L");
-    // Buttons lie where the previous frame put them, so wait for one frame.
-    app.command();
+    let mut app = with_few_lights(&display, &folder);
     let (x, middle) = (160 + 135, [80, 300]);
-    app.choose([x, 298], 1, "--rsm 32");
     let plain = png(&folder.join(app.picture())).1;
     app.tap([160 + 60, 744], "");
     std::thread::sleep(Duration::from_millis(300));

@@ -99,6 +99,30 @@ fn a_file_is_held_against_brute_force() {
     app.quit();
 }
 
+/// Brute force begins again when a setting needs another upload of the scene.
+#[test]
+fn brute_force_follows_another_upload() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_upload");
+    let scene = cornell();
+    let words = ["view", scene.to_str().expect("a path"), "--size", "400x1000"];
+    let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
+    app.line("scene");
+    app.resize(720, 1000);
+    // Buttons lie where the previous frame put them, so wait for one frame.
+    app.command();
+    app.choose([400 + 135, 298], 2, "--rsm 64");
+    app.press("Space");
+    std::thread::sleep(Duration::from_millis(300));
+    app.settle("");
+    app.choose([400 + 135, 799], 4, "");
+    // It begins when there was no input for a while, and takes seconds.
+    std::thread::sleep(Duration::from_millis(700));
+    app.tap([400 + 112, 272], "--near rays");
+    assert!(app.line("errors").contains("brute force"));
+    app.quit();
+}
+
 /// The path tracer's samples equal those of `render --gi path-trace`. Another view gets another reference. Ctrl+click
 /// prints the values of the layers at a pixel.
 #[test]
@@ -260,15 +284,11 @@ fn a_video_is_renders_frames() {
     app.quit();
 }
 
-/// Editing a material in the panel changes the picture at once, and the session stores the change.
-#[test]
-fn materials_change_live() {
-    let Some(display) = Display::open() else { return };
-    let folder = folder("app_materials");
+/// A window with the Cornell box and an open panel of materials.
+fn with_materials(display: &Display, folder: &Path) -> App {
     let scene = cornell();
-    let scene = scene.to_str().expect("a path");
-    let words = ["view", scene, "--size", "64x48", "--ev", "4"];
-    let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
+    let words = ["view", scene.to_str().expect("a path"), "--size", "64x48", "--ev", "4"];
+    let mut app = App::start(display, folder, &[&words[..], &SMALL].concat());
     app.line("scene");
     app.resize(384, 1000);
     // Buttons lie where the previous frame put them, so wait for one frame.
@@ -276,6 +296,15 @@ fn materials_change_live() {
     app.tap([64 + 60, 796], "");
     std::thread::sleep(Duration::from_millis(300));
     app.settle("");
+    app
+}
+
+/// Editing a material in the panel changes the picture at once, and the session stores the change.
+#[test]
+fn materials_change_live() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_materials");
+    let mut app = with_materials(&display, &folder);
     let before = png(&folder.join(app.picture())).1;
     app.slide([64 + 180, 927], 40, "");
     assert!(png(&folder.join(app.picture())).1 != before, "the emissive surface must change the picture");
@@ -293,17 +322,7 @@ fn materials_change_live() {
 fn bodies_are_filled() {
     let Some(display) = Display::open() else { return };
     let folder = folder("app_media");
-    let scene = cornell();
-    let scene = scene.to_str().expect("a path");
-    let words = ["view", scene, "--size", "64x48", "--ev", "4"];
-    let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
-    app.line("scene");
-    app.resize(384, 1000);
-    // Buttons lie where the previous frame put them, so wait for one frame.
-    app.command();
-    app.tap([64 + 60, 796], "");
-    std::thread::sleep(Duration::from_millis(300));
-    app.settle("");
+    let mut app = with_materials(&display, &folder);
     let picture = |app: &mut App| png(&folder.join(app.picture())).1;
     let file = std::cell::RefCell::new(std::path::PathBuf::new());
     let saved = |app: &mut App| -> Value {

@@ -24,11 +24,11 @@ use std::thread::JoinHandle;
 pub(super) struct Loading {
     job: Option<Job>,
     /// Another upload of the present scene, for edits or settings that need it.
-    again: Option<Thread<Uploaded>>,
+    again: Option<Thread>,
     /// `Document::changes` when such an upload failed and nothing could be taken back.
     refused: Option<u64>,
     /// Uploads whose results are no longer wanted. They cannot be stopped.
-    replaced: Vec<Thread<Uploaded>>,
+    replaced: Vec<Thread>,
 }
 
 /// A scene that is being loaded, rebaked or uploaded.
@@ -44,11 +44,11 @@ struct Job {
 
 enum Step {
     Load(JoinHandle<Result<Loaded>>),
-    Upload(Thread<Uploaded>, Box<Prepared>),
+    Upload(Thread, Box<Prepared>),
 }
 
 /// A thread that uses the device, which must not be closed before it ends. So dropping this waits.
-struct Thread<T>(Option<JoinHandle<Result<T>>>);
+struct Thread(Option<JoinHandle<Result<Uploaded>>>);
 
 /// A scene on the device.
 struct Uploaded {
@@ -60,9 +60,7 @@ struct Uploaded {
 
 /// What goes with a scene that is being uploaded.
 struct Prepared {
-    /// Settings of its light.
-    settings: Settings,
-    /// Whether these were the settings of the window, which may have changed since.
+    /// Whether the settings of its light were those of the window, which may have changed since.
     keeps_settings: bool,
     /// Number of caches.
     count: usize,
@@ -91,8 +89,8 @@ impl Loading {
     }
 }
 
-impl<T: Send + 'static> Thread<T> {
-    fn start(work: impl FnOnce() -> Result<T> + Send + 'static) -> Self {
+impl Thread {
+    fn start(work: impl FnOnce() -> Result<Uploaded> + Send + 'static) -> Self {
         Self(Some(std::thread::spawn(work)))
     }
 
@@ -100,12 +98,12 @@ impl<T: Send + 'static> Thread<T> {
         self.0.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    fn join(mut self) -> Result<T> {
+    fn join(mut self) -> Result<Uploaded> {
         self.0.take().map_or_else(|| Err(anyhow!("joined twice")), joined)
     }
 }
 
-impl<T> Drop for Thread<T> {
+impl Drop for Thread {
     fn drop(&mut self) {
         if let Some(thread) = self.0.take() {
             drop(thread.join());
@@ -269,7 +267,7 @@ impl Document {
             settings = drawing.settings(gpu, count)?;
             lights = session.change(&mut loaded.scene);
         }
-        let prepared = Prepared { settings, keeps_settings, count, lights, of_file, materials, changes: self.changes };
+        let prepared = Prepared { keeps_settings, count, lights, of_file, materials, changes: self.changes };
         progress.set(1.0, "upload");
         Ok(Step::Upload(self.upload_thread(gpu, settings, || loaded), Box::new(prepared)))
     }
@@ -286,12 +284,7 @@ impl Document {
     }
 
     /// Puts a scene onto the device on another thread.
-    fn upload_thread(
-        &self,
-        gpu: &Gpu,
-        settings: Settings,
-        loaded: impl FnOnce() -> Loaded + Send + 'static,
-    ) -> Thread<Uploaded> {
+    fn upload_thread(&self, gpu: &Gpu, settings: Settings, loaded: impl FnOnce() -> Loaded + Send + 'static) -> Thread {
         let (device, size) = (gpu.device().clone(), self.picture.as_ref().map_or(self.asked, Picture::size));
         // All of the new scene must fit, so that the old one can stay if it does not.
         let make = move || -> Result<Uploaded> {
@@ -327,7 +320,7 @@ impl Document {
         &mut self,
         gpu: &Gpu,
         Uploaded { mut engine, picture, fitted }: Uploaded,
-        Prepared { settings, keeps_settings, count, mut lights, of_file, materials, changes }: Prepared,
+        Prepared { keeps_settings, count, mut lights, of_file, materials, changes }: Prepared,
         (args, anew, session): (&Args, bool, Option<&Opened>),
     ) -> Result<()> {
         // Edits made during the upload.
@@ -339,7 +332,7 @@ impl Document {
             })?;
         }
         let same = anew && self.shows(args);
-        let chosen = if keeps_settings { self.settings } else { settings };
+        let settings = if keeps_settings { self.settings } else { fitted };
         (self.engine, self.fitted, self.refused) = (Some(engine), fitted, None);
         self.picture = picture;
         self.changes += 1;
@@ -359,7 +352,7 @@ impl Document {
         if anew {
             self.edited.clear();
         }
-        (self.args, self.settings, self.caches) = (args.clone(), chosen, count);
+        (self.args, self.settings, self.caches) = (args.clone(), settings, count);
         self.look.behind = self.args.look().behind;
         let scene = self.engine.as_ref().map(|engine| engine.scene().clone()).unwrap_or_default();
         print(&format!(

@@ -4,7 +4,7 @@
 use super::background::{Rest, alone};
 use super::compare::{Now, radiance};
 use anyhow::Result;
-use lightskin::frame::{Light, Look, Picture, Settings, record_rows};
+use lightskin::frame::{Engine, Light, Look, Picture, Settings, record_rows};
 use lightskin::gpu::Gpu;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::scene::{Camera, Scene};
@@ -140,6 +140,11 @@ impl BruteForce {
         let light = Light::new(gpu, now.engine.scene(), world, settings, 1)?;
         let picture = Picture::new(gpu, world, &light, now.picture.size())?;
         Ok(Self { light, picture, next: 0, rows: 1 })
+    }
+
+    /// Whether its light was created for the scene on the device.
+    pub(super) fn fits(&self, engine: &Engine) -> bool {
+        self.light.fits(engine.world())
     }
 
     /// Progress from 0 to 1.

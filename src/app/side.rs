@@ -215,7 +215,9 @@ impl Side {
                 ..*now.engine.settings()
             }),
         };
-        if self.key.as_ref().is_some_and(|made| *made != key) {
+        // Another upload of the scene leaves the key as it is, but not what the light was created for.
+        let fits = self.brute_force.as_ref().is_none_or(|brute_force| brute_force.fits(now.engine));
+        if !fits || self.key.as_ref().is_some_and(|made| *made != key) {
             self.forget();
         }
         if let (Some(reference), None) = (self.reference.clone(), &self.image) {

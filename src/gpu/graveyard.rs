@@ -40,10 +40,9 @@ struct Fresh {
 #[derive(Default)]
 pub(super) struct Graveyard {
     graves: VecDeque<Grave>,
-    /// New images. All are alive, or in a grave until the next submission is done.
+    /// New images. All are alive, or in a grave; `forget_dropped` removes those that the next submission may outlive.
     fresh: Vec<Fresh>,
-    /// Content of new buffers and textures. Their resources are alive, or in a grave; `forget_dropped` removes those that
-    /// the next submission may outlive.
+    /// Content of new buffers and textures, likewise.
     pub(super) uploads: Vec<Upload>,
 }
 
