@@ -277,7 +277,11 @@ impl App {
     /// Draws `frames` more frames by flying back and forth. Returns the device's counters by name, before and after.
     /// The first map also has the memory of the process [MiB]. Needs `-vv`.
     pub(crate) fn fly(&self, frames: u64) -> [BTreeMap<String, u64>; 2] {
-        let counted = || self.told(" Counters { ").pop().map_or_else(BTreeMap::new, |line| counters(&line));
+        // Frames while the scene was loading count as well. The first fifty after them create all objects, so the line
+        // that may lie among these is left out.
+        let lines = || self.told(" Counters { ").into_iter();
+        let early = lines().count() + 1;
+        let counted = || lines().skip(early).last().map_or_else(BTreeMap::new, |line| counters(&line));
         let begin = |count: &BTreeMap<String, u64>| count.get("frames").copied().unwrap_or(0);
         let (start, mut before) = (Instant::now(), None);
         for key in ["W", "S"].into_iter().cycle() {
@@ -285,7 +289,6 @@ impl App {
             std::thread::sleep(Duration::from_millis(300));
             self.hold(key, false);
             let now = counted();
-            // The first fifty frames create all objects.
             if before.is_none() && begin(&now) > 0 {
                 before = Some(now.into_iter().chain([("memory".to_owned(), self.memory())]).collect());
             } else if let Some(before) = before.clone().filter(|before| begin(&now) >= begin(before) + frames) {
