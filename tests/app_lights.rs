@@ -96,6 +96,29 @@ fn a_sky_leaves_the_edits() {
     app.quit();
 }
 
+/// The colour of a light opens a picker, which shows all hues and changes the light.
+#[test]
+fn colours_are_picked() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_colours");
+    let light = ["--caches", "100", "--quality", "low", "--validation", "sync"];
+    let file = cornell();
+    let words = ["view", file.to_str().expect("a path"), "--size", "96x1000"];
+    let mut app = App::start(&display, &folder, &[&words[..], &light].concat());
+    app.line("scene");
+    app.settle("");
+    let is_colourful = |[r, g, b]: &[u8; 3]| r.max(g).max(b) - r.min(g).min(b) > 150;
+    let colourful = |app: &App| app.pixels([96, 0], [320, 1000]).iter().filter(|pixel| is_colourful(pixel)).count();
+    let before = colourful(&app);
+    app.tap([96 + 55, 439], "");
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    app.settle("");
+    let shown = colourful(&app);
+    assert!(shown > before + 1000, "{before} pixels, then {shown}");
+    app.press("Escape");
+    app.quit();
+}
+
 #[test]
 fn lights_are_moved_added_and_undone() {
     let Some(display) = Display::open() else { return };

@@ -3,8 +3,9 @@
 use super::compare::Over;
 use super::inset::Inset;
 use super::marks::{Marker, Marks};
+use super::textures::Textures;
+use egui::TextureId;
 use egui::epaint::{ClippedPrimitive, Primitive, Vertex};
-use egui::{ImageData, TextureId, TexturesDelta};
 use glam::{Vec2, Vec4};
 use lightskin::Result;
 use lightskin::frame::{Light, Look, Picture, View};
@@ -104,8 +105,8 @@ pub(super) struct Scenery<'a> {
 struct Panels {
     vertices: Buffer,
     indices: Buffer,
-    /// Clip rectangle [pixels] and range of indices of each draw.
-    runs: Vec<([u32; 4], std::ops::Range<u32>)>,
+    /// Clip rectangle [pixels], texture and range of indices of each draw.
+    runs: Vec<([u32; 4], TextureId, std::ops::Range<u32>)>,
 }
 
 /// The image that is presented in the window.
@@ -114,10 +115,8 @@ pub(super) struct Canvas {
     ui: Pipeline,
     layer: Pipeline,
     marker: Marker,
-    /// Texture with the glyphs and shapes of the panels. `None` if it differs from `texels`.
-    glyphs: Option<Image>,
-    /// The texels of `glyphs`, to which changes are applied.
-    texels: egui::ColorImage,
+    /// Textures of the panels.
+    pub(super) textures: Textures,
     panels: Option<Panels>,
     scale: Vec2,
 }
@@ -125,8 +124,8 @@ pub(super) struct Canvas {
 const FORMAT: Format = Format::R8G8B8A8_UNORM;
 
 impl Canvas {
-    /// `glyphs` are the glyphs and shapes of the panels so far.
-    pub(super) fn new(gpu: &Gpu, size: [u32; 2], glyphs: egui::ColorImage) -> Result<Self> {
+    /// `textures` are those of the panels so far.
+    pub(super) fn new(gpu: &Gpu, size: [u32; 2], textures: Textures) -> Result<Self> {
         let raster = Raster {
             vertex: "ui.vert",
             fragment: Some("ui.frag"),
@@ -153,8 +152,7 @@ impl Canvas {
             ui: gpu.raster(&raster)?,
             layer: gpu.raster(&layer)?,
             marker: Marker::new(gpu, FORMAT)?,
-            glyphs: None,
-            texels: glyphs,
+            textures,
             panels: None,
             scale: Vec2::ONE,
         })
@@ -173,23 +171,14 @@ impl Canvas {
         Ok(())
     }
 
-    /// The glyphs and shapes of the panels, for a canvas on another device.
-    pub(super) fn into_glyphs(self) -> egui::ColorImage {
-        self.texels
-    }
-
     /// Width and height [pixels].
     pub(super) fn size(&self) -> [u32; 2] {
         [self.image.width, self.image.height]
     }
 
-    /// Uploads the current triangles and glyphs of the panels.
+    /// Uploads the current triangles and textures of the panels.
     pub(super) fn take(&mut self, gpu: &Gpu, primitives: &[ClippedPrimitive], pixels_per_point: f32) -> Result<()> {
-        if self.glyphs.is_none() && !self.texels.pixels.is_empty() {
-            let [width, height] = self.texels.size.map(|side| side as u32);
-            let bytes = self.texels.pixels.iter().flat_map(egui::Color32::to_array).collect();
-            self.glyphs = Some(gpu.texture("window.glyphs", FORMAT, width, height, &[bytes])?);
-        }
+        self.textures.upload(gpu)?;
         let size = self.size();
         self.scale = Vec2::new(2.0 / size[0] as f32, 2.0 / size[1] as f32) * pixels_per_point;
         let (mut vertices, mut indices, mut runs) = (Vec::<Vertex>::new(), Vec::<u32>::new(), Vec::new());
@@ -204,7 +193,7 @@ impl Canvas {
             let (first, base) = (indices.len() as u32, vertices.len() as u32);
             vertices.extend_from_slice(&mesh.vertices);
             indices.extend(mesh.indices.iter().map(|index| base + index));
-            runs.push(([left, top, right - left, bottom - top], first..indices.len() as u32));
+            runs.push(([left, top, right - left, bottom - top], mesh.texture_id, first..indices.len() as u32));
         }
         self.panels = None;
         if !runs.is_empty() {
@@ -216,23 +205,6 @@ impl Canvas {
             self.panels = Some(Panels { vertices: of_vertices, indices: of_indices, runs });
         }
         Ok(())
-    }
-
-    /// Takes new glyphs, which the next `take` uploads. They occur in the first frames, later rarely.
-    pub(super) fn take_glyphs(&mut self, mut textures: TexturesDelta) {
-        for delta in textures.set.remove(&TextureId::default()).unwrap_or_default() {
-            self.glyphs = None;
-            let ImageData::Color(image) = delta.image;
-            match delta.pos {
-                None => self.texels = (*image).clone(),
-                Some([x, y]) => {
-                    let ([width, height], row) = (image.size, self.texels.size[0]);
-                    for (i, from) in image.pixels.chunks(width).enumerate().take(height) {
-                        self.texels.pixels[(y + i) * row + x..][..width].copy_from_slice(from);
-                    }
-                }
-            }
-        }
     }
 
     /// Records the picture or a layer of it, if there is one, the marks and images over it, and the panels over all.
@@ -344,12 +316,16 @@ impl Canvas {
     }
 
     fn draw_panels(&self, draw: &Draw<'_, '_>) {
-        let (Some(panels), Some(glyphs)) = (&self.panels, &self.glyphs) else { return };
-        draw.bind(&self.ui, &[Bind::Texture(glyphs, SamplerKind::CLAMPED)]);
-        draw.push(&UiPush { scale: self.scale });
-        draw.vertices(&[(&panels.vertices, 0)]);
-        draw.indices(&panels.indices, 0);
-        for (clip, run) in &panels.runs {
+        let Some(panels) = &self.panels else { return };
+        let mut bound = None;
+        for (clip, id, run) in &panels.runs {
+            let Some(texture) = self.textures.get(*id) else { continue };
+            if bound.replace(*id) != Some(*id) {
+                draw.bind(&self.ui, &[Bind::Texture(texture, SamplerKind::CLAMPED)]);
+                draw.push(&UiPush { scale: self.scale });
+                draw.vertices(&[(&panels.vertices, 0)]);
+                draw.indices(&panels.indices, 0);
+            }
             draw.clip(*clip);
             draw.draw_indexed(run.end - run.start, run.start);
         }

@@ -20,6 +20,7 @@ mod session;
 #[cfg(feature = "glsl")]
 mod shaders;
 mod side;
+mod textures;
 mod undo;
 mod video;
 mod watch;

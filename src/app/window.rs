@@ -15,6 +15,7 @@ use super::panel;
 use super::pixel::Pixel;
 #[cfg(feature = "glsl")]
 use super::shaders::Shaders;
+use super::textures::Textures;
 use super::watch::EVERY;
 use crate::cli::check_messages;
 use crate::cli::session::is_session;
@@ -105,7 +106,7 @@ impl Open {
         Ok(Self {
             document: Document::new(&gpu, args, compare.rest.clone())?,
             compare,
-            canvas: Canvas::new(&gpu, size.into(), egui::ColorImage::default())?,
+            canvas: Canvas::new(&gpu, size.into(), Textures::default())?,
             swapchain,
             egui,
             input: Input::default(),
@@ -338,7 +339,7 @@ impl Open {
                 panel::debug::shader_error(ui, error, left_over);
             }
         });
-        self.canvas.take_glyphs(output.textures_delta);
+        self.canvas.textures.change(output.textures_delta);
         self.egui.handle_platform_output(&self.window, output.platform_output);
         for wish in wishes {
             self.grant(wish);

@@ -78,7 +78,7 @@ impl Open {
         document.leave_device();
         let loaded = document.engine.take().map(Engine::into_loaded);
         compare.leave_device();
-        let glyphs = canvas.into_glyphs();
+        let textures = canvas.textures.leave_device();
         drop(swapchain);
         check_messages(&gpu, &[])?;
         // Drivers may refuse another device, or another swapchain of the window, while the old one exists.
@@ -87,7 +87,7 @@ impl Open {
         let gpu = Rc::new(document.args.open_device(display)?);
         self.faults.open(&gpu);
         let swapchain = gpu.swapchain(self.window.clone(), document.args.present())?;
-        let canvas = Canvas::new(&gpu, self.window.inner_size().into(), glyphs)?;
+        let canvas = Canvas::new(&gpu, self.window.inner_size().into(), textures)?;
         document.engine = loaded.map(|loaded| Engine::new(&gpu, loaded, &document.fitted)).transpose()?;
         Ok(Self { document, compare, canvas, swapchain, gpu, ..self })
     }
