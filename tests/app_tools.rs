@@ -53,8 +53,8 @@ fn a_file_is_compared() {
     app.quit();
 }
 
-/// Compares any two pictures: a file on the left, brute force on the right. The brute-force picture is computed in rows
-/// and equals `render`'s.
+/// Compares any two pictures: a file on the left, brute force on the right. The brute-force picture is computed in
+/// blocks and equals `render`'s.
 #[test]
 fn a_file_is_held_against_brute_force() {
     let Some(display) = Display::open() else { return };

@@ -4,7 +4,8 @@
 use lightskin::bake::CacheSet;
 use lightskin::frame::plan::STAGES;
 use lightskin::frame::{
-    Antialiasing, ClusterRule, Exposure, Light, LightShadows, Near, Picture, Shadows, View, World, record, record_rows,
+    Antialiasing, ClusterRule, Exposure, Light, LightShadows, Near, Part, Picture, Shadows, View, World, record,
+    record_part,
 };
 use lightskin::gpu::{Gpu, Image};
 use lightskin::lab::knobs::{Gi, Knobs, Path};
@@ -17,7 +18,6 @@ use crate::common::{assert_clean, gpu};
 use crate::layers::glazed;
 use crate::moving::{bend, world as moving_world};
 use glam::{Vec3, dvec3, vec3};
-use std::ops::Range;
 
 /// Two pictures of different sizes.
 const SIZES: [[u32; 2]; 2] = [[40, 28], [24, 36]];
@@ -141,10 +141,10 @@ fn views_without_indirect_light_and_with_all_of_it_by_brute_force_are_their_own_
     compare(&gpu, &scene, &caches, &Knobs { gi: Gi::BruteForce, ..plain() });
 }
 
-/// Brute force in three frames of some rows each gives the same bits as one frame. This includes edges, layers and
+/// Brute force in frames of some blocks each gives the same bits as one frame. This includes edges, layers and
 /// light inside bodies.
 #[test]
-fn brute_force_by_rows_is_one_frame() {
+fn brute_force_by_blocks_is_one_frame() {
     let gpu = gpu();
     for is_filled in [false, true] {
         let mut scene = glazed();
@@ -153,24 +153,30 @@ fn brute_force_by_rows_is_one_frame() {
         }
         let world = World::new(&gpu, &scene, None).expect("uploaded");
         for antialiasing in [Antialiasing::Off, Antialiasing::Four] {
-            let knobs = Knobs { gi: Gi::BruteForce, antialiasing, layers: 2, size: [20, 14], reuse: true, ..plain() };
+            let knobs = Knobs { gi: Gi::BruteForce, antialiasing, layers: 2, size: [50, 40], reuse: true, ..plain() };
             let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-            let drawn = |parts: &[Range<u32>]| {
+            let drawn = |parts: &[Part]| {
                 let mut light = Light::new(&gpu, &scene, &world, &knobs.settings(), 1).expect("light");
                 assert_eq!(light.plan.inside, is_filled);
                 let mut picture = Picture::new(&gpu, &world, &light, knobs.size).expect("a picture");
-                for rows in parts {
+                for part in parts {
                     let frame = gpu.frame(|cmd| {
                         let views = &mut [(view, &mut picture)];
-                        record_rows(cmd, &world, &mut light, views, &knobs.look(), rows.clone());
+                        record_part(cmd, &world, &mut light, views, &knobs.look(), part);
                         Ok(())
                     });
-                    assert_eq!(frame.expect("drawn").problems, [""; 0], "{rows:?} of {knobs:?}");
+                    assert_eq!(frame.expect("drawn").problems, [""; 0], "{part:?} of {knobs:?}");
                 }
-                layers(&gpu, &picture)
+                // Lavapipe's threads flush denormals or not, so tails of lobes below 1e-30 cd/m^2 vary from run to run.
+                let mut layers = layers(&gpu, &picture);
+                let tail = |bits: &&mut u32| f32::from_bits(**bits).abs() < 1e-30;
+                layers[4].iter_mut().filter(tail).for_each(|bits| *bits = 0);
+                layers
             };
-            let whole = drawn(std::slice::from_ref(&(0..u32::MAX)));
-            assert!(whole == drawn(&[0..5, 5..6, 6..40]), "{knobs:?}");
+            let whole = drawn(&[Part::Whole]);
+            let blocks = [0..5, 5..6, 6..40].map(Part::Blocks);
+            let parts: Vec<_> = [Part::Before].into_iter().chain(blocks).collect();
+            assert!(whole == drawn(&parts), "{knobs:?}");
             assert!(whole[3].iter().any(|bits| *bits != 0), "there must be indirect light");
         }
     }

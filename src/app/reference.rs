@@ -1,10 +1,11 @@
 //! Sources of references: the path tracer in the background, first coarse, then pass after pass; and brute force on the
-//! device, a few rows per frame.
+//! device, a few blocks of pixels per frame.
 
 use super::background::{Rest, alone};
 use super::compare::{Now, radiance};
 use anyhow::Result;
-use lightskin::frame::{Engine, Light, Look, Picture, Settings, record_rows};
+use lightskin::frame::brute_force::blocks;
+use lightskin::frame::{Engine, Light, Look, Part, Picture, Settings, record_part};
 use lightskin::gpu::Gpu;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::scene::{Camera, Scene};
@@ -129,9 +130,9 @@ const PART: Duration = Duration::from_millis(40);
 pub(super) struct BruteForce {
     light: Light,
     picture: Picture,
-    /// The first missing row, and the number of rows for the next step.
-    next: u32,
-    rows: u32,
+    /// The next part, if one is missing, and the number of blocks for the next step.
+    next: Option<Part>,
+    blocks: u32,
 }
 
 impl BruteForce {
@@ -139,7 +140,7 @@ impl BruteForce {
         let world = now.engine.world();
         let light = Light::new(gpu, now.engine.scene(), world, settings, 1)?;
         let picture = Picture::new(gpu, world, &light, now.picture.size())?;
-        Ok(Self { light, picture, next: 0, rows: 1 })
+        Ok(Self { light, picture, next: Some(Part::Before), blocks: 1 })
     }
 
     /// Whether its light was created for the scene on the device.
@@ -149,27 +150,38 @@ impl BruteForce {
 
     /// Progress from 0 to 1.
     pub(super) fn progress(&self) -> f32 {
-        self.next as f32 / self.picture.size()[1].max(1) as f32
+        let all = blocks(self.picture.size()).max(1) as f32;
+        match &self.next {
+            None => 1.0,
+            Some(Part::Blocks(next)) => next.start as f32 / all,
+            Some(Part::Whole | Part::Before) => 0.0,
+        }
     }
 
-    /// Lights the next few rows, as many as fit in `PART`. Returns the radiance once all rows are lit.
+    /// Draws the next part: the stages before brute force, then blocks, as many as fit in `PART`. Returns the radiance
+    /// after the last part.
     pub(super) fn step(
         &mut self,
         gpu: &Gpu,
         now: &Now<'_>,
         problems: &mut Vec<String>,
     ) -> Result<Option<Vec<[f32; 3]>>> {
-        let Self { light, picture, next, rows } = self;
-        let (begin, end) = (Instant::now(), next.saturating_add(*rows));
+        let Self { light, picture, next, blocks: count } = self;
+        let Some(part) = next else { return radiance(gpu, picture).map(Some) };
+        let begin = Instant::now();
         let frame = gpu.frame(|cmd| {
-            record_rows(cmd, now.engine.world(), light, &mut [(now.view, picture)], &Look::default(), *next..end);
+            record_part(cmd, now.engine.world(), light, &mut [(now.view, picture)], &Look::default(), part);
             Ok(())
         })?;
         gpu.wait()?;
         problems.extend(frame.problems);
-        let faster = PART.as_secs_f64() / begin.elapsed().as_secs_f64().max(1e-4);
-        *rows = ((f64::from(*rows) * faster.clamp(0.25, 4.0)) as u32).max(1);
-        *next = end;
-        if end < picture.size()[1] { Ok(None) } else { radiance(gpu, picture).map(Some) }
+        let mut first = 0;
+        if let Part::Blocks(drawn) = part {
+            let faster = PART.as_secs_f64() / begin.elapsed().as_secs_f64().max(1e-4);
+            *count = ((f64::from(*count) * faster.clamp(0.25, 4.0)) as u32).max(1);
+            first = drawn.end;
+        }
+        *next = (first < blocks(picture.size())).then(|| Part::Blocks(first..first.saturating_add(*count)));
+        Ok(None)
     }
 }

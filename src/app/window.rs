@@ -6,6 +6,7 @@ mod fit;
 pub(super) mod lost;
 mod save;
 mod size;
+mod spent;
 
 use super::canvas::{Canvas, Scenery};
 use super::compare::{Compare, Now};
@@ -24,6 +25,7 @@ use anyhow::{Context, Result};
 use faults::Faults;
 use lightskin::frame::Picture;
 use lightskin::gpu::{Cmd, Gpu, Swapchain};
+use spent::{FRAME, Spent};
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -157,7 +159,6 @@ impl Open {
 
     /// Handles an event. Its changes appear in the next frame.
     pub(super) fn event(&mut self, event: &WindowEvent) {
-        let begin = Instant::now();
         self.keep_picture_size(event);
         let ours = self.input.is_ours(event, self.egui.egui_ctx());
         let answer = if ours { None } else { Some(self.egui.on_window_event(&self.window, event)) };
@@ -170,9 +171,10 @@ impl Open {
         let wishes = self.input.take(event, self.egui.egui_ctx(), place, &self.document.gizmo, taken);
         let changes = !wishes.is_empty();
         for wish in wishes {
-            let name = format!("{wish:?}");
+            let (mut spent, name) = (Spent::new(), format!("{wish:?}"));
             self.grant(wish);
-            note(&name, begin.elapsed(), [Duration::ZERO; 2]);
+            spent.on("wish");
+            spent.log(&name);
         }
         if changes || answer.is_none_or(|answer| answer.repaint) || matches!(event, WindowEvent::Resized(_)) {
             self.redraw();
@@ -287,7 +289,7 @@ impl Open {
 
     /// Draws one frame: handles the panels, renders the changed parts of the picture, and draws the panels over it.
     pub(super) fn draw(&mut self) -> Result<()> {
-        let now = Instant::now();
+        let (now, mut spent) = (Instant::now(), Spent::new());
         // Not sooner after the last frame than `--max-fps` allows.
         let apart = self.document.args.max_fps.map_or(Duration::ZERO, |fps| Duration::from_secs_f64(1.0 / fps));
         if let Some(due) = self.last.checked_add(apart).filter(|due| self.frames > 0 && *due > now) {
@@ -321,6 +323,7 @@ impl Open {
             self.document.insets.pointer = at;
         }
         let filmed = self.pose_for_video();
+        spent.on("scene");
 
         let input = self.egui.take_egui_input(&self.window);
         let context = self.egui.egui_ctx().clone();
@@ -341,12 +344,14 @@ impl Open {
         });
         self.canvas.textures.change(output.textures_delta);
         self.egui.handle_platform_output(&self.window, output.platform_output);
+        spent.on("panels");
         for wish in wishes {
             self.grant(wish);
         }
         if !context.input(|input| input.pointer.any_down()) && !context.text_edit_focused() {
             self.document.settle();
         }
+        spent.on("edits");
         let size = self.fit_canvas(size)?;
         let scale = output.pixels_per_point;
         let pixel = |at: f32, most: u32| ((at * scale).round().max(0.0) as u32).min(most);
@@ -355,7 +360,7 @@ impl Open {
         self.place = (corner, [0, 1].map(|i| far[i].saturating_sub(corner[i])));
 
         // After all that reads the picture of the last frame: a new scene has a new one.
-        let (begin, worked) = (Instant::now(), self.document.progress().is_some());
+        let worked = self.document.progress().is_some();
         if self.document.poll(&self.gpu)?
             && let Some(scene) = self.document.scene()
         {
@@ -365,15 +370,15 @@ impl Open {
             self.redraw(); // with new panels
         }
         self.fit_picture()?;
-        let making = begin.elapsed();
         self.fit_insets()?;
+        spent.on("making");
         let primitives = context.tessellate(output.shapes, scale);
         self.canvas.take(&self.gpu, &primitives, scale)?;
+        spent.on("panels");
         let view = self.document.view();
         let document = &mut self.document;
         let (canvas, look, over) = (&self.canvas, document.look, self.compare.over());
         let (shown, scale, marks) = (document.shown, *document.scale(), document.marks);
-        let begin = Instant::now();
         let record = |cmd: &Cmd<'_>| {
             if let (Some(view), Some(engine), Some(picture)) = (view, &mut document.engine, &mut document.picture) {
                 engine.record(cmd, &mut [(view, picture)], &look);
@@ -405,10 +410,14 @@ impl Open {
         if timed {
             self.document.time(times);
         }
-        let mut in_frame = begin.elapsed();
+        spent.on(FRAME);
         self.document.drawn = view;
         if self.document.insets.read(&self.gpu)? {
             self.redraw(); // with its new text
+        }
+        if filmed || !self.waiting.is_empty() {
+            self.gpu.wait()?; // for the frame that is read
+            spent.on(FRAME);
         }
         self.film_frame(filmed)?;
         while let (false, Some(wish)) = (self.document.is_behind(), self.waiting.first()) {
@@ -425,13 +434,14 @@ impl Open {
             }
             self.waiting.remove(0);
         }
+        spent.on("files");
         let compared = self.compare()?;
+        spent.on("comparison");
         self.window.pre_present_notify();
-        let begin = Instant::now();
         let seen = self.swapchain.show(&self.canvas.image)?;
-        in_frame += begin.elapsed();
+        spent.on(FRAME);
         self.frames += 1;
-        note("draw", now.elapsed(), [in_frame, making]);
+        spent.log("draw");
         if self.frames.is_multiple_of(COUNTED) {
             log::debug!("after {} frames {:?}", self.frames, self.gpu.counters());
         }
@@ -481,13 +491,6 @@ impl Open {
         }
         Ok(self.compare.version() != before || self.compare.hurries())
     }
-}
-
-/// Logs how long input was held up, and how much of this time was spent in the frame itself and, before it, on creating
-/// scenes, pipelines and images.
-fn note(what: &str, held: Duration, [in_frame, making]: [Duration; 2]) {
-    let [held, in_frame, making] = [held, in_frame, making].map(|time| time.as_secs_f64() * 1e3);
-    log::debug!("{what} held input for {held:.1} ms, {in_frame:.1} ms of them in the frame, {making:.1} ms before it");
 }
 
 /// Shows the desktop's file dialog. Returns `None` without a desktop portal, which is logged.

@@ -57,7 +57,7 @@ pub use engine::Engine;
 pub use light::{Counts, Light};
 pub use picture::Picture;
 pub use plan::{Features, Plan};
-pub use record::{record, record_rows};
+pub use record::{Part, record, record_part};
 pub use settings::{
     Antialiasing, Behind, ClusterRule, DrawSource, Exposure, Indirect, Interpolation, LightShadows, Look, Near,
     ProxyWeight, Quality, Settings, Shadows, Tonemap, ValSource, Ways,

@@ -1,6 +1,6 @@
 //! Records one frame: finds the outdated parts, then runs the stages in order.
 
-use super::brute_force::BruteForce;
+use super::brute_force::{BruteForce, blocks};
 use super::gather::{Gather, Lit};
 use super::interpolate::Shaded;
 use super::light::{IndirectLight, Light};
@@ -13,6 +13,17 @@ use super::world::World;
 use crate::gpu::{Cmd, Use};
 use std::ops::Range;
 
+/// A part of a frame that is recorded for a submission of its own.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The whole frame.
+    Whole,
+    /// All stages before brute force.
+    Before,
+    /// Brute force in these blocks of pixels; see `brute_force::blocks`. The last block includes all stages after it.
+    Blocks(Range<u32>),
+}
+
 /// Records one frame of all given views. The numbers in the code are METHOD's stages. A stage that the scene does not
 /// need is `None`; a stage whose inputs have not changed is not outdated. Light is computed once for all views; each
 /// view adds only the cost of its own surfaces, its shading and its share of the glossy lobe. If no view has pixels,
@@ -21,23 +32,22 @@ use std::ops::Range;
 /// # Panics
 /// Panics if light or pictures were not fitted after a change of the world, the settings or the number of views.
 pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(View, &mut Picture)], look: &Look) {
-    record_rows(cmd, world, light, views, look, 0..u32::MAX);
+    record_part(cmd, world, light, views, look, &Part::Whole);
 }
 
-/// Records one frame in several parts, each for a submission of its own: each call lights these rows of the pictures by
-/// brute force. The stages before brute force are recorded with the first row, the stages after it with the last row,
-/// so that all calls together give the bits of a single frame. The inputs of the pictures must not change between the
-/// calls. Caches are not split into rows.
+/// Records a part of a frame, so that input can be handled between the parts of a slow one. `Before` and then all
+/// blocks together give the bits of `Whole`. The inputs of the pictures must not change between the parts. Light of
+/// caches belongs to `Before`.
 ///
 /// # Panics
 /// As `record`.
-pub fn record_rows(
+pub fn record_part(
     cmd: &Cmd<'_>,
     world: &World,
     light: &mut Light,
     views: &mut [(View, &mut Picture)],
     look: &Look,
-    rows: Range<u32>,
+    part: &Part,
 ) {
     assert!(
         light.fits(world) && views.len() <= light.eyes(),
@@ -48,10 +58,28 @@ pub fn record_rows(
         light.ran = 0;
         return;
     }
-    if rows.start > 0 {
-        return record_end(cmd, world, light, views, look, (0, rows));
+    let whole = *part == Part::Whole;
+    let all = views.iter().map(|(_, picture)| blocks(picture.size())).max().unwrap_or(0);
+    let part = match part {
+        Part::Whole => 0..all,
+        Part::Before => 0..0,
+        Part::Blocks(blocks) => blocks.clone(),
+    };
+    light.ran = 0;
+    if whole || part.is_empty() {
+        find_outdated(world, light, views, look);
+        light.ran |= record_start(cmd, world, light, views);
     }
-    find_outdated(world, light, views, look);
+    if !part.is_empty() {
+        light.ran |= record_brute_force(cmd, light, views, (&part, whole));
+    }
+    if part.end >= all {
+        light.ran |= record_end(cmd, world, light, views, look, whole);
+    }
+}
+
+/// Records all stages before brute force. Returns which ran, by their bits.
+fn record_start(cmd: &Cmd<'_>, world: &World, light: &Light, views: &[(View, &mut Picture)]) -> u32 {
     let mut ran = 0;
     let mut enter = |stage: usize| {
         ran |= 1 << stage;
@@ -230,19 +258,46 @@ pub fn record_rows(
             }
         }
     }
-    record_end(cmd, world, light, views, look, (ran, rows));
+    ran
 }
 
-/// Records brute force for these rows and, with the last row, the stages that need all light. `ran` are the stages
-/// recorded so far.
+/// Records brute force in these blocks. Returns the stage's bit if it ran. With `waits`, the stages before it are
+/// recorded for the same submission.
+fn record_brute_force(
+    cmd: &Cmd<'_>,
+    light: &Light,
+    views: &[(View, &mut Picture)],
+    (blocks, waits): (&Range<u32>, bool),
+) -> u32 {
+    let shown = || views.iter().filter(|(_, p)| !p.is_empty() && p.outdated.indirect);
+    let (IndirectLight::BruteForce(brute_force), Some(rsm), true) =
+        (&light.indirect, &light.rsm, shown().next().is_some())
+    else {
+        return 0;
+    };
+    if waits {
+        cmd.barrier(Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite, Use::FragmentRead); //   VALs, G-buffer -> 8
+    }
+    let _zone = cmd.zone(STAGES[plan::BRUTE_FORCE].name); // 8
+    for (view, picture) in shown() {
+        for (surface, out, _) in picture.shaded() {
+            brute_force.record(cmd, &rsm.vals, view, surface, (out, blocks));
+        }
+    }
+    1 << plan::BRUTE_FORCE
+}
+
+/// Records the stages after all indirect light. Returns which ran, by their bits. With `waits`, earlier stages are
+/// recorded for the same submission.
 fn record_end(
     cmd: &Cmd<'_>,
     world: &World,
-    light: &mut Light,
+    light: &Light,
     views: &[(View, &mut Picture)],
     look: &Look,
-    (mut ran, rows): (u32, Range<u32>),
-) {
+    waits: bool,
+) -> u32 {
+    let mut ran = 0;
     let mut enter = |stage: usize| {
         ran |= 1 << stage;
         cmd.zone(STAGES[stage].name)
@@ -250,24 +305,6 @@ fn record_end(
     let shown = || views.iter().map(|(view, picture)| (view, &**picture)).filter(|(_, picture)| !picture.is_empty());
     let drawn = || shown().filter(|(_, p)| p.outdated.surface);
     let some_surface = drawn().next().is_some();
-    let (first, last) = (rows.start == 0, shown().all(|(_, p)| rows.end >= p.size()[1]));
-    if let (IndirectLight::BruteForce(brute_force), Some(rsm)) = (&light.indirect, &light.rsm)
-        && shown().any(|(_, p)| p.outdated.indirect)
-    {
-        if first {
-            cmd.barrier(Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite, Use::FragmentRead); //   VALs, G-buffer -> 8
-        }
-        let _zone = enter(plan::BRUTE_FORCE); // 8
-        for (view, picture) in shown().filter(|(_, p)| p.outdated.indirect) {
-            for (surface, out, _) in picture.shaded() {
-                brute_force.record(cmd, &rsm.vals, view, surface, (out, &rows));
-            }
-        }
-    }
-    if !last {
-        light.ran = ran;
-        return;
-    }
     if let (
         true,
         IndirectLight::BruteForce(BruteForce { inside: Some(scatter), .. }),
@@ -275,7 +312,7 @@ fn record_end(
     ) = (some_surface, &light.indirect, &light.rsm)
     {
         let _zone = enter(plan::SCATTER); // 10
-        if first {
+        if waits {
             cmd.barrier(Use::ColorWrite, Use::ColorWrite); // direct light -> here
         }
         for (view, surface) in drawn().flat_map(|(view, p)| p.lit().map(move |surface| (view, surface))) {
@@ -314,7 +351,7 @@ fn record_end(
         let lit = shown().any(|(_, p)| p.outdated.surface || p.outdated.indirect);
         first.composite.record(cmd, look, lit, composed().map(Picture::composed));
     }
-    light.ran = ran;
+    ran
 }
 
 /// Marks results that are older than their inputs as outdated; marks everything without `Settings::reuse`.

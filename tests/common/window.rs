@@ -268,8 +268,8 @@ impl App {
     pub(crate) fn held(&self) -> Vec<(f64, String)> {
         let one = |line: String| {
             let (_, times) = line.split_once(" held input for ")?;
-            let mut times = times.split_whitespace().filter_map(|word| word.parse::<f64>().ok());
-            Some((times.next()? - times.next()?, line.clone()))
+            let beyond = times.split_once("ms, ")?.1.split_whitespace().next()?.parse().ok()?;
+            Some((beyond, line.clone()))
         };
         self.told(" held input for ").into_iter().filter_map(one).collect()
     }
