@@ -48,7 +48,7 @@ fn with_measured_gather(folder: &Path) {
 }
 
 /// Runs the tool in a folder. Its cache is in the same folder.
-fn lightskin(folder: &Path, args: &[&str]) -> Output {
+pub(crate) fn lightskin(folder: &Path, args: &[&str]) -> Output {
     with_measured_gather(folder);
     keeping(Command::new(env!("CARGO_BIN_EXE_lightskin")).args(args), folder).output().expect("the tool runs")
 }

@@ -1,7 +1,7 @@
 //! Sessions as `render` draws them: the same picture as that of the flags, with edits of lights, and flags that override
 //! those of the file.
 
-use crate::cli::{fails, folder, works};
+use crate::cli::{fails, folder, lightskin, works};
 use lightskin::image::read_radiance;
 use lightskin::scene::LightKind;
 use lightskin::scene::build::{CornellSurface, cornell};
@@ -120,11 +120,14 @@ fn media_of_a_session_fill_bodies() {
     session(&folder, |s| s["materials"] = json!({ "white": { "subsurface": told } }));
     let filled = drawn(&folder, &words);
     assert_ne!(filled, hollow, "light must enter the walls");
-    // A value that no medium can have changes nothing.
+    // A value that no medium can have changes nothing, and is named.
     let mut broken = told.clone();
     broken["ior"] = json!(0.5);
     session(&folder, |s| s["materials"] = json!({ "white": { "subsurface": broken } }));
     assert_eq!(drawn(&folder, &words), hollow);
+    let told_of = lightskin(&folder, &["render", "box.json", "-o", "a.png", "--size", "8x8"]);
+    let warnings = String::from_utf8_lossy(&told_of.stderr).into_owned();
+    assert!(warnings.contains("materials.white.subsurface: not a possible value"), "{warnings}");
 
     let mut scene = cornell(CornellSurface::Diffuse, 0.5);
     let white = scene.materials.iter_mut().find(|material| material.name == "white").expect("a white wall");

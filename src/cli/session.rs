@@ -131,15 +131,32 @@ impl Session {
         for material in &mut scene.materials {
             let Some(told) = self.materials.get(&material.name) else { continue };
             let color = numbers(&told["base_color"]).map(|color| Vec4::from_array(color).min(Vec4::splat(1e3)));
-            material.base_color = color.unwrap_or(material.base_color);
             let emissive = numbers(&told["emissive"]).map(|color| Vec3::from_array(color).min(Vec3::splat(1e9)));
-            material.emissive = emissive.unwrap_or(material.emissive);
             let share = |value: &Value| number(value).map(|v| v.clamp(0.0, 1.0));
-            material.roughness = share(&told["roughness"]).unwrap_or(material.roughness);
-            material.metallic = share(&told["metallic"]).unwrap_or(material.metallic);
-            match (&told["subsurface"], told.get("subsurface")) {
-                (Value::Null, Some(_)) => material.subsurface = None,
-                (value, _) => subsurface(value).into_iter().for_each(|inside| material.fill(inside)),
+            let [roughness, metallic] = ["roughness", "metallic"].map(|key| share(&told[key]));
+            let inside = subsurface(&told["subsurface"]);
+            for (key, is_read) in [
+                ("base_color", color.is_some()),
+                ("emissive", emissive.is_some()),
+                ("roughness", roughness.is_some()),
+                ("metallic", metallic.is_some()),
+                ("subsurface", inside.is_some()),
+            ] {
+                if !is_read && !told[key].is_null() {
+                    let name = &material.name;
+                    log::warn!(
+                        "materials.{name}.{key}: not a possible value; the scene's is kept. Save the session again"
+                    );
+                }
+            }
+            material.base_color = color.unwrap_or(material.base_color);
+            material.emissive = emissive.unwrap_or(material.emissive);
+            material.roughness = roughness.unwrap_or(material.roughness);
+            material.metallic = metallic.unwrap_or(material.metallic);
+            match (inside, told.get("subsurface")) {
+                (Some(inside), _) => material.fill(inside),
+                (None, Some(Value::Null)) => material.subsurface = None,
+                (None, _) => {}
             }
         }
         let mut lights = Lights::of(scene);

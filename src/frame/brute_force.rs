@@ -118,7 +118,7 @@ impl BruteForce {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{blocks, rectangles};
 
     /// Any ranges of blocks one after another cover every pixel once.
     #[test]
