@@ -118,7 +118,7 @@ impl BruteForce {
 
 #[cfg(test)]
 mod tests {
-    use super::{blocks, rectangles};
+    use crate::frame::brute_force::{blocks, rectangles};
 
     /// Any ranges of blocks one after another cover every pixel once.
     #[test]
