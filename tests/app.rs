@@ -139,6 +139,7 @@ fn everything_can_be_pressed() {
     app.command();
     app.minimise();
     app.resize(96, 64);
+    app.press("Tab");
     let name = app.picture();
     let (size, picture) = png(&folder.join(name));
     assert_eq!(size, [96, 64], "without panels the picture must be as large as the window");
@@ -156,6 +157,24 @@ fn everything_can_be_pressed() {
     held.sort_by(|a, b| b.0.total_cmp(&a.0));
     println!("longest delays beyond a frame [ms]: {:?}", &held[..10]);
     app.quit_after(&["broken.glb"]);
+}
+
+/// The picture keeps a part of windows that are too narrow for it and the panels.
+#[test]
+fn narrow_windows_have_a_picture() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_narrow");
+    let scene = cornell();
+    let path = scene.to_str().expect("a path");
+    let mut app = App::start(&display, &folder, &[&["view", path, "--size", "96x64"], &SMALL[..]].concat());
+    app.line("scene");
+    for width in [320, 250, 20] {
+        app.resize(width, 200);
+        app.command();
+        let command = app.command();
+        assert!(command.contains(&format!("--size {}x200", width / 5)), "{width}: {command}");
+    }
+    app.quit();
 }
 
 /// The thesis's gather and clusters are chosen in the panel; the printed command draws the same picture.

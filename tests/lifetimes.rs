@@ -51,6 +51,28 @@ fn what_is_dropped_while_it_is_recorded_lives_until_the_frame_is_done() {
     }
 }
 
+/// A submission that the driver refuses forgets what is new, so the device counts as lost. It can be closed and opened again.
+#[test]
+fn a_refused_submission_is_a_loss() {
+    if apart() {
+        return;
+    }
+    for gpu in validated() {
+        for split in [false, true] {
+            let image = gpu.texture("test.red", Format::R32_SFLOAT, 1, 1, &[vec![0; 4]]).expect("texture");
+            gpu.refuse_submission();
+            let refused = frame_of(&gpu, split, |cmd| {
+                let _zone = cmd.zone("test");
+                Ok(())
+            });
+            let refused = refused.map(|_| ()).expect_err("it is refused");
+            assert!(matches!(refused, lightskin::Error::DeviceLost { .. }), "{refused}");
+            drop(image);
+        }
+        assert_clean(&gpu);
+    }
+}
+
 #[test]
 fn a_frame_that_is_given_up_leaves_nothing_behind() {
     if apart() {

@@ -21,7 +21,7 @@ use super::gizmo;
 use super::input::Wish;
 use super::recent;
 use crate::cli::{recent, thousands};
-use egui::{ComboBox, DragValue, Grid, ProgressBar, Response, RichText, ScrollArea, Slider, Ui};
+use egui::{ComboBox, DragValue, Grid, ProgressBar, Rect, Response, RichText, ScrollArea, Slider, Ui};
 use lightskin::frame::settings::Gather;
 use lightskin::frame::{Antialiasing, Exposure, Indirect, LightShadows, Near, Quality, Shadows, Tonemap};
 use lightskin::gpu::Gpu;
@@ -146,11 +146,22 @@ impl State {
         }
     }
 
-    /// Shows the panels. Returns the actions that they request beyond changes of the document.
-    pub(super) fn show(&mut self, ui: &mut Ui, document: &mut Document, compare: &mut Compare, gpu: &Gpu) -> Vec<Wish> {
-        let mut wishes = Vec::new();
+    /// Shows the panels. Returns the actions that they request beyond changes of the document, and
+    /// the part of the window beside them.
+    pub(super) fn show(
+        &mut self,
+        ui: &mut Ui,
+        document: &mut Document,
+        compare: &mut Compare,
+        gpu: &Gpu,
+    ) -> (Vec<Wish>, Rect) {
+        let (mut wishes, mut left_over) = (Vec::new(), ui.available_rect_before_wrap());
         if self.visible {
-            egui::Panel::right("panels").resizable(false).show_separator_line(false).exact_size(WIDTH).show(ui, |ui| {
+            // The picture keeps a part of a window that is too narrow for both.
+            let all = left_over.width();
+            let width = if all > WIDTH { WIDTH } else { (0.8 * all).floor() };
+            left_over.max.x -= width;
+            egui::Panel::right("panels").resizable(false).show_separator_line(false).exact_size(width).show(ui, |ui| {
                 ui.add_space(6.0);
                 heading(ui, document, gpu);
                 ui.separator();
@@ -186,7 +197,7 @@ impl State {
         if self.keys {
             keys(ui, &mut self.keys);
         }
-        wishes
+        (wishes, left_over)
     }
 
     /// Whether lights and their handles are shown in the picture.
@@ -195,7 +206,7 @@ impl State {
     }
 
     /// Shows lights and their handles over the picture, while the panels are visible.
-    pub(super) fn over(&self, ui: &Ui, document: &mut Document, picture: egui::Rect) {
+    pub(super) fn over(&self, ui: &Ui, document: &mut Document, picture: Rect) {
         if self.shows_lights() {
             gizmo::show(ui, document, picture);
         } else {
@@ -204,7 +215,7 @@ impl State {
     }
 
     /// Shows three lines over the picture at the first start. They disappear after `HINT`, or when a button is pressed.
-    pub(super) fn hint(&mut self, ui: &Ui, picture: egui::Rect) {
+    pub(super) fn hint(&mut self, ui: &Ui, picture: Rect) {
         let is_small = picture.width() < 420.0 || picture.height() < 200.0;
         let dragged = ui.input(|input| input.pointer.any_down());
         let Some(left) = self.hint.and_then(|end| end.checked_duration_since(Instant::now())).filter(|_| !dragged)

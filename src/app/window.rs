@@ -330,8 +330,9 @@ impl Open {
         let (mut left_over, mut wishes) = (egui::Rect::NOTHING, Vec::new());
         let (document, compare, panel, gpu) = (&mut self.document, &mut self.compare, &mut self.panel, &self.gpu);
         let output = context.run_ui(input, |ui| {
-            wishes.extend(panel.show(ui, document, compare, gpu));
-            left_over = ui.available_rect_before_wrap();
+            let (new, rest) = panel.show(ui, document, compare, gpu);
+            wishes.extend(new);
+            left_over = rest;
             panel.over(ui, document, left_over);
             panel::debug::legend(ui, document, left_over);
             panel::insets::show(ui, document, left_over);

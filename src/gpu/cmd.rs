@@ -9,7 +9,7 @@ use super::frames::Slot;
 use super::hazards::{Log, Use};
 use super::image::Image;
 use super::timer::{MAX_ZONES, Recorded, STAGE_ZONES, Span, Work};
-use super::vulkan;
+use super::{forgotten, vulkan};
 use crate::error::{Error, Result};
 use ash::vk;
 use std::cell::{Cell, RefCell, RefMut};
@@ -102,7 +102,7 @@ impl<'g> Cmd<'g> {
                 .shared
                 .check_lost(Call::Submit)
                 .and_then(|()| self.gpu.shared.device.queue_submit2(self.gpu.queue, &[info], vk::Fence::null()))
-                .map_err(vulkan("submitting a frame"))?;
+                .map_err(forgotten("submitting a frame"))?;
         }
         self.open.set(false);
         submitted.store(value, Ordering::SeqCst);
@@ -126,10 +126,10 @@ impl<'g> Cmd<'g> {
         // SAFETY: the prologue's last use ended with that of `self.buffer`; images and buffers live until this submission
         // is done.
         unsafe {
-            device.begin_command_buffer(prologue, &begin).map_err(vulkan("beginning uploads"))?;
+            device.begin_command_buffer(prologue, &begin).map_err(forgotten("beginning uploads"))?;
             device.cmd_pipeline_barrier2(prologue, &barriers);
             shared.copy_new(prologue, &copies);
-            device.end_command_buffer(prologue).map_err(vulkan("ending uploads"))?;
+            device.end_command_buffer(prologue).map_err(forgotten("ending uploads"))?;
         }
         Ok(Some(prologue))
     }

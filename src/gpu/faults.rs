@@ -29,6 +29,8 @@ pub(super) enum Lost {
     Never,
     /// From the next call of this kind on.
     At(Call),
+    /// No, but it has no memory for the next submission.
+    Refuses,
     /// Yes.
     Now,
 }
@@ -40,6 +42,11 @@ impl Device {
         *lock(&self.shared.lost) = Lost::At(call);
     }
 
+    /// Makes the device act as if it had no memory for the next submission; for tests.
+    pub fn refuse_submission(&self) {
+        *lock(&self.shared.lost) = Lost::Refuses;
+    }
+
     /// Makes the device act as if it had this much memory \[bytes\] for buffers and images; for tests.
     pub fn limit_memory(&self, bytes: u64) {
         self.shared.most_memory.store(bytes, Ordering::Relaxed);
@@ -47,12 +54,16 @@ impl Device {
 }
 
 impl Shared {
-    /// Fails if the device acts as lost. Called before each call of this kind, which is then not made, except waits:
+    /// Fails if the device acts as lost, or refuses a submission. Called before each call of this kind, which is then not made, except waits:
     /// the device may still use objects that are about to be destroyed.
     pub(super) fn check_lost(&self, call: Call) -> Result<(), vk::Result> {
         let mut lost = lock(&self.lost);
         match *lost {
             Lost::At(kind) if kind == call => *lost = Lost::Now,
+            Lost::Refuses if call == Call::Submit => {
+                *lost = Lost::Never;
+                return Err(vk::Result::ERROR_OUT_OF_HOST_MEMORY);
+            }
             Lost::Now => {}
             _ => return Ok(()),
         }

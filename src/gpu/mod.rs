@@ -62,6 +62,15 @@ pub use timer::{FrameTimes, Span, StageTime, Work, ZoneTime, nearest_rank, ticks
 
 use crate::error::Error;
 
+/// The error of a failed submission. What was new on the device is forgotten with it, so that nothing there can be trusted
+/// any more: whatever the reason, it is a loss of the device.
+pub(crate) fn forgotten(what: &'static str) -> impl FnOnce(ash::vk::Result) -> Error {
+    move |result| {
+        log::debug!("{what}: {result}");
+        Error::DeviceLost { what: what.to_owned() }
+    }
+}
+
 /// Adds a description of the failed operation to a Vulkan result.
 pub(crate) fn vulkan(what: impl Into<String>) -> impl FnOnce(ash::vk::Result) -> Error {
     move |result| {

@@ -313,13 +313,17 @@ impl Swapchain {
         // SAFETY: the slot's last submission is done, so its buffer may be recorded again. `copy` stays within both
         // images. The previous presentation of this image waited for `filled` and has ended, since the image was
         // acquired again.
-        unsafe {
-            device.begin_command_buffer(slot.commands, &begin.flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT))?;
-            copy(device, slot.commands, &fresh, image, chain, chain.images[index as usize]);
-            device.end_command_buffer(slot.commands)?;
-            self.gpu.shared.check_lost(Call::Submit)?;
-            device.queue_submit2(self.gpu.queue, &[info], vk::Fence::null())?;
-        }
+        let filled_it = unsafe {
+            let once = begin.flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+            device
+                .begin_command_buffer(slot.commands, &once)
+                .map(|()| copy(device, slot.commands, &fresh, image, chain, chain.images[index as usize]))
+                .and_then(|()| device.end_command_buffer(slot.commands))
+                .and_then(|()| self.gpu.shared.check_lost(Call::Submit))
+                .and_then(|()| device.queue_submit2(self.gpu.queue, &[info], vk::Fence::null()))
+        };
+        // New images are forgotten if their submission fails; see `forgotten`.
+        filled_it.map_err(|_| vk::Result::ERROR_DEVICE_LOST)?;
         submitted.store(value, Ordering::SeqCst);
         slot.done = value;
         let (chains, indices, filled) = ([chain.handle], [index], [filled]);
