@@ -343,9 +343,10 @@ impl Open {
                 panel::debug::shader_error(ui, error, left_over);
             }
         });
+        spent.on("panels");
         self.canvas.textures.change(output.textures_delta);
         self.egui.handle_platform_output(&self.window, output.platform_output);
-        spent.on("panels");
+        spent.on("desktop");
         for wish in wishes {
             self.grant(wish);
         }
@@ -375,7 +376,7 @@ impl Open {
         spent.on("making");
         let primitives = context.tessellate(output.shapes, scale);
         self.canvas.take(&self.gpu, &primitives, scale)?;
-        spent.on("panels");
+        spent.on("triangles");
         let view = self.document.view();
         let document = &mut self.document;
         let (canvas, look, over) = (&self.canvas, document.look, self.compare.over());
