@@ -51,7 +51,7 @@ fn what_is_dropped_while_it_is_recorded_lives_until_the_frame_is_done() {
     }
 }
 
-/// A submission that the driver refuses forgets what is new, so the device counts as lost. It can be closed and opened again.
+/// A submission that the driver refuses forgets what is new, so the device counts as lost. It can be closed.
 #[test]
 fn a_refused_submission_is_a_loss() {
     if apart() {

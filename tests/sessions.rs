@@ -125,8 +125,8 @@ fn media_of_a_session_fill_bodies() {
     broken["ior"] = json!(0.5);
     session(&folder, |s| s["materials"] = json!({ "white": { "subsurface": broken } }));
     assert_eq!(drawn(&folder, &words), hollow);
-    let told_of = lightskin(&folder, &["render", "box.json", "-o", "a.png", "--size", "8x8"]);
-    let warnings = String::from_utf8_lossy(&told_of.stderr).into_owned();
+    let drawn_again = lightskin(&folder, &["render", "box.json", "-o", "a.png", "--size", "8x8"]);
+    let warnings = String::from_utf8_lossy(&drawn_again.stderr).into_owned();
     assert!(warnings.contains("materials.white.subsurface: not a possible value"), "{warnings}");
 
     let mut scene = cornell(CornellSurface::Diffuse, 0.5);

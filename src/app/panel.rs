@@ -146,8 +146,8 @@ impl State {
         }
     }
 
-    /// Shows the panels. Returns the actions that they request beyond changes of the document, and
-    /// the part of the window beside them.
+    /// Shows the panels. Returns the actions that they request beyond changes of the document, and the part of the
+    /// window beside them.
     pub(super) fn show(
         &mut self,
         ui: &mut Ui,

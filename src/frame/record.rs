@@ -13,7 +13,7 @@ use super::world::World;
 use crate::gpu::{Cmd, Use};
 use std::ops::Range;
 
-/// A part of a frame that is recorded for a submission of its own.
+/// How much of a frame to record for a submission.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Part {
     /// The whole frame.
@@ -60,20 +60,18 @@ pub fn record_part(
     }
     let whole = *part == Part::Whole;
     let all = views.iter().map(|(_, picture)| blocks(picture.size())).max().unwrap_or(0);
-    let part = match part {
-        Part::Whole => 0..all,
-        Part::Before => 0..0,
-        Part::Blocks(blocks) => blocks.clone(),
-    };
     light.ran = 0;
-    if whole || part.is_empty() {
+    if !matches!(part, Part::Blocks(_)) {
         find_outdated(world, light, views, look);
         light.ran |= record_start(cmd, world, light, views);
     }
-    if !part.is_empty() {
-        light.ran |= record_brute_force(cmd, light, views, (&part, whole));
-    }
-    if part.end >= all {
+    let lit = match part {
+        Part::Before => return,
+        Part::Whole => 0..all,
+        Part::Blocks(blocks) => blocks.clone(),
+    };
+    light.ran |= record_brute_force(cmd, light, views, (&lit, whole));
+    if lit.end >= all {
         light.ran |= record_end(cmd, world, light, views, look, whole);
     }
 }

@@ -54,8 +54,8 @@ impl Device {
 }
 
 impl Shared {
-    /// Fails if the device acts as lost, or refuses a submission. Called before each call of this kind, which is then not made, except waits:
-    /// the device may still use objects that are about to be destroyed.
+    /// Fails if the device acts as lost, or refuses a submission. Called before each call of this kind, which is then
+    /// not made, except waits: the device may still use objects that are about to be destroyed.
     pub(super) fn check_lost(&self, call: Call) -> Result<(), vk::Result> {
         let mut lost = lock(&self.lost);
         match *lost {
