@@ -63,4 +63,24 @@ struct NearestCache {
     float distance; // from the pixel's surface [m]
 };
 
+// Push constants of the list of a pixel's caches.
+struct PixelPush {
+    mat4 clip_from_world;
+    vec4 eye; // position and 1, or direction towards the viewer and 0
+    float reach; // distance of the farthest cache that a pixel averages [m]
+    uint references; // per vertex or cell
+    uint printed; // 1: weights of the thesis
+    uint column; // of the pixel
+    uint row;
+};
+
+// A cache whose light a pixel averages.
+struct PixelCache {
+    uint number; // in the atlas, from 1; 0: unused entry
+    float weight; // of all caches' together
+    vec3 irradiance; // from its diffuse proxy light, on a plane that faces it, times the weight [lx]
+    vec3 position;
+    vec3 normal;
+};
+
 #endif

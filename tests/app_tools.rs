@@ -124,7 +124,7 @@ fn brute_force_follows_another_upload() {
 }
 
 /// The path tracer's samples equal those of `render --gi path-trace`. Another view gets another reference. Ctrl+click
-/// prints the values of the layers at a pixel.
+/// prints the values of the layers at a pixel, its lights and its caches.
 #[test]
 fn the_view_is_path_traced() {
     let Some(display) = Display::open() else { return };
@@ -134,6 +134,15 @@ fn the_view_is_path_traced() {
     let words = ["view", scene, "--size", "48x36", "--no-panels", "--reference-spp", "32"];
     let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
     app.line("scene");
+    app.frame();
+    app.hold("Control", true);
+    app.click(1, [10, 16]);
+    app.hold("Control", false);
+    let told = app.line("pixel");
+    let part = |name: &str| numbers(told.split(name).nth(1).unwrap_or_else(|| panic!("no {name} in {told}")));
+    let (direct, spot) = (part("; direct "), part("; light 1 spot "));
+    assert!(direct[0] > 1.0 && (0..3).all(|c| (direct[c] - spot[c]).abs() <= 1e-3 * direct[0]), "{told}");
+
     app.press("Space");
     let errors = app.line("errors");
     assert!(errors.contains("32 samples"), "{errors}");
@@ -159,7 +168,9 @@ fn the_view_is_path_traced() {
         assert!(far <= 5.1e-5, "{layer}: {wanted:?} in {told}");
     }
     assert!(told.contains("object 2 short block") && told.contains("material "), "{told}");
-
+    let weights: f64 = told.split("; cache ").skip(1).map(|cache| numbers(cache)[1]).sum();
+    assert!((weights - 100.0).abs() < 1.0, "weights of {weights} % in {told}");
+    assert!(!told.contains("; light "), "the spot does not reach the short block: {told}");
     app.drag(1, [20, 20], [30, 18]);
     let turned = app.line("errors");
     assert_ne!(turned, errors, "the errors must change with the view");

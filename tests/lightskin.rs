@@ -71,6 +71,7 @@ mod normal_maps;
 mod occlude;
 mod path_trace;
 mod path_trace_sky;
+mod pixel;
 mod proxies;
 mod quality;
 mod rays;

@@ -1,10 +1,15 @@
 // The pixel's position in its visible triangle and, with BY_CELLS, the point at which a pixel averages caches. METHOD
 // 5.
-// The including shader has the push constants clip_from_world, eye and reach. Uses bindings 0 and 3, and with BY_CELLS
+// The including shader has the push constants clip_from_world, eye and reach. Compute shaders define HERE, the middle of
+// their pixel, first. Uses bindings 0 and 3, and with BY_CELLS
 // 4 to 7.
 #ifndef HERE_GLSL
 #define HERE_GLSL
 #include "lib/triangle.glsl"
+
+#ifndef HERE
+#define HERE gl_FragCoord.xy
+#endif
 
 layout(binding = 0) uniform usampler2D element_image;
 layout(binding = 3, scalar) readonly buffer Indices { uint indices[]; };
@@ -18,13 +23,13 @@ layout(binding = 7, scalar) readonly buffer Caches { Cache caches[]; };
 
 // Barycentric weights of this pixel in a triangle.
 vec3 weights_here(vec4 a, vec4 b, vec4 c) {
-    return weights_at(gl_FragCoord.xy / vec2(textureSize(element_image, 0)) * 2.0 - 1.0, a, b, c);
+    return weights_at(HERE / vec2(textureSize(element_image, 0)) * 2.0 - 1.0, a, b, c);
 }
 
 #ifdef BY_CELLS
 // This pixel's row of references; NO_REFERENCES if it has none.
 uint row_here() {
-    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    ivec2 pixel = ivec2(HERE);
     return rows[pixel.y * textureSize(element_image, 0).x + pixel.x];
 }
 

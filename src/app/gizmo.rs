@@ -125,17 +125,17 @@ impl Document {
 
 /// The view of a picture that lies at a place in the window.
 #[derive(Clone, Copy)]
-struct Screen {
-    view: View,
+pub(super) struct Screen {
+    pub(super) view: View,
     /// Origin of the scene [m].
-    origin: DVec3,
+    pub(super) origin: DVec3,
     /// Place of the picture [points].
-    picture: Rect,
+    pub(super) picture: Rect,
 }
 
 impl Screen {
     /// Where a point appears. `None` behind the camera.
-    fn project(&self, point: DVec3) -> Option<Pos2> {
+    pub(super) fn project(&self, point: DVec3) -> Option<Pos2> {
         let clip = self.view.clip_from_world * (point - self.origin).as_vec3().extend(1.0);
         let at = 0.5 * egui::vec2(clip.x / clip.w + 1.0, clip.y / clip.w + 1.0);
         let on = self.picture.min + self.picture.size() * at;

@@ -1,8 +1,9 @@
-//! Adding and removing lights in the window.
+//! Adding, removing and naming lights in the window.
 
 use super::document::Document;
 use crate::cli::lights::{dark, direction};
 use glam::DVec3;
+use lightskin::frame::Engine;
 use lightskin::gpu::Gpu;
 use lightskin::scene::{Light, LightKind};
 
@@ -36,4 +37,18 @@ impl Document {
             self.light(gpu);
         }
     }
+}
+
+/// Number, from 1, and name of one of `World::lights`.
+pub(super) fn light_name(engine: &Engine, index: usize) -> String {
+    let name = match engine.scene().lights.get(index) {
+        Some(light) if light.name.is_empty() => match light.kind {
+            LightKind::Directional => "sun",
+            LightKind::Point => "point",
+            LightKind::Spot { .. } => "spot",
+        },
+        Some(light) => &light.name,
+        None => "emissive surface",
+    };
+    format!("{} {name}", index + 1)
 }

@@ -39,7 +39,7 @@ const KEYS: [(&str, &str); 28] = [
     ("middle drag", "move sideways"),
     ("wheel", "zoom in or out"),
     ("double click", "centre the surface under the pointer"),
-    ("Ctrl+click", "show all values of the pixel"),
+    ("Ctrl+click", "show values, lights and caches of the pixel"),
     ("W A S D", "fly forward, left, back, right"),
     ("E, Q", "fly up, down"),
     ("Shift", "fly faster"),
@@ -166,6 +166,7 @@ impl State {
                 heading(ui, document, gpu);
                 ui.separator();
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                    debug::pixel(ui, document);
                     section(ui, "Global illumination", true, |ui| self.gi(ui, document));
                     section(ui, "Lights", true, |ui| lights::show(ui, document, gpu));
                     section(ui, "Sky", false, |ui| self.sky.show(ui, document, &mut wishes));
@@ -175,7 +176,6 @@ impl State {
                         debug::marks(ui, document);
                         insets::controls(ui, document);
                     });
-                    debug::pixel(ui, document);
                     section(ui, "Materials", false, |ui| materials::show(ui, document, &mut self.subsurface, gpu));
                     section(ui, "Animation", false, |ui| {
                         animation::show(ui, document, gpu, &mut self.fps, &mut wishes)
@@ -205,8 +205,11 @@ impl State {
         self.visible && self.handles
     }
 
-    /// Shows lights and their handles over the picture, while the panels are visible.
+    /// While the panels are visible, shows lights and their handles over the picture, and what lights the picked pixel.
     pub(super) fn over(&self, ui: &Ui, document: &mut Document, picture: Rect) {
+        if self.visible {
+            debug::pixel_marks(ui, document, picture);
+        }
         if self.shows_lights() {
             gizmo::show(ui, document, picture);
         } else {

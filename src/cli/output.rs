@@ -52,7 +52,7 @@ pub(crate) fn tell(text: Arguments<'_>) {
 static RECENT: Mutex<VecDeque<String>> = Mutex::new(VecDeque::new());
 
 /// Maximum number of messages in `RECENT`.
-const REMEMBERED: usize = 200;
+const REMEMBERED: usize = 60;
 
 /// The latest log messages, oldest first, for the log panel of the window.
 #[cfg(feature = "app")]

@@ -166,33 +166,59 @@ impl Direct {
             }
             return self.record_shading(cmd, world, lights, views);
         }
-        let mut is_first = true;
-        for (i, light) in lights() {
-            match &self.hidden {
-                Hidden::Maps(maps) => {
-                    if !is_first {
-                        cmd.barrier(Use::FragmentRead, Use::DepthWrite); // the previous light's map has been read
-                    }
-                    maps.record(cmd, world, (i, light));
-                    cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite);
-                }
-                Hidden::Rays(rays) => {
-                    if is_first {
-                        rays.record_tiles(cmd, views.clone());
-                    } else {
-                        // The last light's shading has read its rays and lists.
-                        let shaded = Use::FragmentRead | Use::VertexRead | Use::IndirectRead | Use::ComputeRead;
-                        cmd.barrier(shaded, Use::CopyWrite | Use::ComputeRead | Use::ComputeWrite);
-                    }
-                    rays.record(cmd, world, (i, light), views.clone());
-                    let drawn = if is_first { Use::ColorWrite | Use::DepthWrite } else { Use::ColorWrite };
-                    let shades = Use::FragmentRead | Use::VertexRead | Use::IndirectRead | Use::ColorWrite;
-                    cmd.barrier(drawn | Use::ComputeWrite, shades);
-                }
-            }
-            is_first = false;
-            self.record_shading(cmd, world, || std::iter::once((i, light)), views.clone());
+        for (n, light) in lights().enumerate() {
+            self.record_next(cmd, world, (light, n == 0), views.clone());
         }
+    }
+
+    /// Records the stage for one light alone. A map that is kept must be up to date.
+    pub(super) fn record_light<'a>(
+        &self,
+        cmd: &Cmd<'_>,
+        world: &World,
+        light: usize,
+        views: impl Iterator<Item = (&'a View, &'a Surface)> + Clone,
+    ) {
+        let Some(info) = world.lights().get(light).filter(|info| !(self.sky_light && info.of_sky)) else { return };
+        match &self.hidden {
+            Hidden::Maps(maps) if maps.are_kept(world) => {
+                self.record_shading(cmd, world, || std::iter::once((light, info)), views);
+            }
+            _ => self.record_next(cmd, world, ((light, info), true), views),
+        }
+    }
+
+    /// Finds the share of a light that arrives, and adds the light.
+    fn record_next<'a>(
+        &self,
+        cmd: &Cmd<'_>,
+        world: &World,
+        ((i, light), is_first): ((usize, &LightInfo), bool),
+        views: impl Iterator<Item = (&'a View, &'a Surface)> + Clone,
+    ) {
+        match &self.hidden {
+            Hidden::Maps(maps) => {
+                if !is_first {
+                    cmd.barrier(Use::FragmentRead, Use::DepthWrite); // the previous light's map has been read
+                }
+                maps.record(cmd, world, (i, light));
+                cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite);
+            }
+            Hidden::Rays(rays) => {
+                if is_first {
+                    rays.record_tiles(cmd, views.clone());
+                } else {
+                    // The last light's shading has read its rays and lists.
+                    let shaded = Use::FragmentRead | Use::VertexRead | Use::IndirectRead | Use::ComputeRead;
+                    cmd.barrier(shaded, Use::CopyWrite | Use::ComputeRead | Use::ComputeWrite);
+                }
+                rays.record(cmd, world, (i, light), views.clone());
+                let drawn = if is_first { Use::ColorWrite | Use::DepthWrite } else { Use::ColorWrite };
+                let shades = Use::FragmentRead | Use::VertexRead | Use::IndirectRead | Use::ColorWrite;
+                cmd.barrier(drawn | Use::ComputeWrite, shades);
+            }
+        }
+        self.record_shading(cmd, world, || std::iter::once((i, light)), views);
     }
 
     /// The shadow map of a light, if it keeps one of its own. `LightInfo` says where its views lie in it.

@@ -35,6 +35,7 @@ pub mod near;
 pub mod occlude;
 pub mod pack;
 pub mod picture;
+pub mod pixel;
 pub mod plan;
 pub mod pose;
 pub mod proxies;

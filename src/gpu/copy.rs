@@ -96,37 +96,41 @@ impl Cmd<'_> {
     }
 
     /// Copies an image bit by bit into another with texels of the same size, at left and top \[pixels\].
-    pub fn copy_image(&self, from: &Image, to: &Image, [x, y]: [u32; 2]) {
+    pub fn copy_image(&self, from: &Image, to: &Image, at: [u32; 2]) {
+        self.copy_part(from, [0, 0], from.made.size, to, at);
+    }
+
+    /// Copies a part of an image, given by its corner and size \[pixels\], to a corner in another image.
+    pub(crate) fn copy_part(&self, from: &Image, first: [u32; 2], size: [u32; 2], to: &Image, at: [u32; 2]) {
         if self.failed() {
             return;
         }
         self.outside("a copy");
-        let ([width, height], [w, h]) = (from.made.size, to.made.size);
-        let inside = |at: u32, size: u32, of: u32| u64::from(at) + u64::from(size) <= u64::from(of);
-        assert!(inside(x, width, w) && inside(y, height, h), "{}: {width}x{height} texels at {x}, {y}", to.name);
+        let holds = |image: &Image, corner: [u32; 2]| {
+            (0..2).all(|i| u64::from(corner[i]) + u64::from(size[i]) <= u64::from(image.made.size[i]))
+        };
+        assert!(holds(from, first) && holds(to, at), "{} to {}: {size:?} texels at {at:?}", from.name, to.name);
         assert!(from.id != to.id, "{}: copied onto itself", from.name);
-        let plane = |image: &Image| image.made.extent == Extent::Plane && !is_depth(image.made.format);
-        let alike = plane(from) && plane(to) && texel_bytes(from.made.format) == texel_bytes(to.made.format);
+        let (has, takes) = (from.made.format, to.made.format);
+        let planes = [from, to].iter().all(|image| image.made.extent == Extent::Plane);
+        let alike = has == takes || (!is_depth(has) && !is_depth(takes) && texel_bytes(has) == texel_bytes(takes));
         let usable = from.made.usage.contains(vk::ImageUsageFlags::TRANSFER_SRC);
-        assert!(alike && usable, "{} cannot be copied to {}", from.name, to.name);
+        assert!(planes && alike && usable, "{} cannot be copied to {}", from.name, to.name);
         self.touch_image(from, Use::CopyRead);
         self.touch_image(to, Use::CopyWrite);
-        let layers = vk::ImageSubresourceLayers {
-            aspect_mask: vk::ImageAspectFlags::COLOR,
-            layer_count: 1,
-            ..Default::default()
-        };
+        let layers = vk::ImageSubresourceLayers { aspect_mask: aspect(has), layer_count: 1, ..Default::default() };
+        let offset = |[x, y]: [u32; 2]| vk::Offset3D { x: x as i32, y: y as i32, z: 0 };
         let regions = [vk::ImageCopy {
             src_subresource: layers,
+            src_offset: offset(first),
             dst_subresource: layers,
-            dst_offset: vk::Offset3D { x: x as i32, y: y as i32, z: 0 },
-            extent: vk::Extent3D { width, height, depth: 1 },
-            ..Default::default()
+            dst_offset: offset(at),
+            extent: vk::Extent3D { width: size[0], height: size[1], depth: 1 },
         }];
         let general = vk::ImageLayout::GENERAL;
         let device = &self.gpu.shared.device;
-        // SAFETY: both are alive, in GENERAL and large enough, with texels of the same size; all images are made with
-        // transfer usage as target.
+        // SAFETY: both are alive, in GENERAL and large enough, of one aspect, with texels of the same size; all images
+        // are made with transfer usage as target.
         unsafe { device.cmd_copy_image(self.buffer, from.handle, general, to.handle, general, &regions) };
     }
 }

@@ -137,6 +137,18 @@ pub fn interpolate_within(
     }
 }
 
+/// Shares of the references in the diffuse lobe at `x` \[m\] with unit `normal`; they sum to 1. `d_max` \[m\] as in
+/// [`interpolate_within`].
+pub fn weights(x: DVec3, normal: DVec3, references: &[Cache], scheme: Scheme, d_max: f64) -> Vec<f64> {
+    let t = |cache: &Cache| if d_max > 0.0 { cache.position.distance(x) / d_max } else { 0.0 };
+    let mut all: Vec<f64> = references.iter().map(|c| kernel(scheme, t(c), normal.dot(c.normal))).collect();
+    if all.iter().all(|weight| *weight == 0.0) {
+        all = references.iter().map(|cache| distance_kernel(t(cache))).collect();
+    }
+    let sum: f64 = all.iter().sum();
+    all.iter().map(|weight| weight / sum).collect()
+}
+
 /// One reference as one lobe sees it.
 struct Entry {
     t: f64,

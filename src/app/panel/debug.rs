@@ -2,8 +2,9 @@
 
 use super::{choose, row, rows};
 use crate::app::document::Document;
+use crate::app::gizmo::Screen;
 use crate::app::marks::Discs;
-use egui::{Align2, Color32, DragValue, FontId, Rect, RichText, Ui};
+use egui::{Align2, Color32, DragValue, FontId, Rect, RichText, Stroke, Ui};
 use lightskin::gpu::Gpu;
 use lightskin::reference::false_color::false_color;
 
@@ -119,9 +120,9 @@ pub(super) fn pixel(ui: &mut Ui, document: &mut Document) {
     let mut close = false;
     super::section(ui, "Pixel", true, |ui| {
         rows(ui, "pixel", |ui| {
-            for (name, value) in pixel.values() {
-                ui.label(name);
-                ui.label(RichText::new(value).monospace().size(11.0));
+            for (name, value, help) in pixel.values() {
+                ui.label(name).on_hover_text(help);
+                ui.label(RichText::new(value).monospace().size(11.0)).on_hover_text(help);
                 ui.end_row();
             }
         });
@@ -129,5 +130,27 @@ pub(super) fn pixel(ui: &mut Ui, document: &mut Document) {
     });
     if close {
         document.pixel = None;
+    }
+}
+
+/// Draws a cross at the picked pixel's surface and rings at the caches that it averages, the wider the heavier.
+pub(in crate::app) fn pixel_marks(ui: &Ui, document: &Document, picture: Rect) {
+    let (Some(view), Some(pixel)) = (document.view(), &document.pixel) else { return };
+    let Some((place, _)) = pixel.place else { return };
+    let seen = Screen { view, origin: pixel.origin, picture };
+    let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Middle, egui::Id::unique("pixel")));
+    let painter = painter.with_clip_rect(picture);
+    let twice = |width: f32| [(Color32::BLACK, width + 2.0), (Color32::WHITE, width)];
+    for cache in &pixel.caches {
+        let Some(on) = seen.project(cache.position.as_dvec3() + pixel.origin) else { continue };
+        for (color, width) in twice(1.0) {
+            painter.circle_stroke(on, 3.0 + 9.0 * cache.weight.sqrt(), Stroke::new(width, color));
+        }
+    }
+    let Some(on) = seen.project(place) else { return };
+    for (color, width) in twice(1.0) {
+        for along in [egui::vec2(5.0, 5.0), egui::vec2(5.0, -5.0)] {
+            painter.line_segment([on - along, on + along], Stroke::new(width, color));
+        }
     }
 }

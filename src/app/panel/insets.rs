@@ -3,9 +3,9 @@
 use super::{choose, row, rows};
 use crate::app::document::Document;
 use crate::app::inset::{Insets, Map, distance_by_depth, farthest};
+use crate::app::lights::light_name;
 use egui::{Align2, Color32, DragValue, FontId, Painter, Rect, Stroke, Ui};
 use lightskin::frame::Engine;
-use lightskin::scene::LightKind;
 
 /// Largest side of an inset, as a share of the picture's shorter side.
 const MOST: f32 = 0.4;
@@ -20,13 +20,7 @@ const LEAST_TEXT: f32 = 130.0;
 pub(super) fn controls(ui: &mut Ui, document: &mut Document) {
     let Some(engine) = &document.engine else { return };
     let (world, insets) = (engine.world(), &mut document.insets);
-    let names: Vec<String> = (0..world.lights().len())
-        .map(|i| match engine.scene().lights.get(i) {
-            Some(light) if light.name.is_empty() => format!("{} {}", i + 1, kind(light.kind)),
-            Some(light) => format!("{} {}", i + 1, light.name),
-            None => format!("{} emissive surface", i + 1),
-        })
-        .collect();
+    let names: Vec<String> = (0..world.lights().len()).map(|i| light_name(engine, i)).collect();
     let lights: Vec<(usize, &str)> = names.iter().enumerate().map(|(i, name)| (i, name.as_str())).collect();
     rows(ui, "insets", |ui| {
         let maps = [
@@ -62,15 +56,6 @@ pub(super) fn controls(ui: &mut Ui, document: &mut Document) {
                     these caches, and waits for each frame.";
         row(ui, "Depth image", help, |ui| ui.checkbox(&mut insets.depth_image, "of the cache at the pointer"));
     });
-}
-
-/// What a light without a name is called.
-fn kind(kind: LightKind) -> &'static str {
-    match kind {
-        LightKind::Directional => "sun",
-        LightKind::Point => "point",
-        LightKind::Spot { .. } => "spot",
-    }
 }
 
 /// Places the insets in a corner of the picture, and writes what they are.
