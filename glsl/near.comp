@@ -203,6 +203,10 @@ void main() {
     found.open = 0.0;
 #ifdef GLOSSY
     bool endless = narrow > 0.0;
+    // Twice the distance between traced pixels on a plane that faces the eye [m].
+    float depth = dot(w, vec3(clip[0].w, clip[1].w, clip[2].w));
+    vec3 upward = vec3(push.clip_from_world[0][1], push.clip_from_world[1][1], push.clip_from_world[2][1]);
+    float two = max(4.0 * float(EVERY) * depth / (length(upward) * float(size.y)), 1e-30);
     float width = inversesqrt(0.5 * (lobe.exponent + 1.0));
     if (is_glossy) {
         found.nearness = endless ? 0.0 : 1.0 / push.reach;
@@ -278,7 +282,8 @@ void main() {
             found.sky_all += (wide_share + narrow_share) * sky_luminance;
             found.sky += (wide_share * (is_near ? 0.0 : open) + narrow_share * (met ? 0.0 : 1.0)) * sky_luminance;
 #endif
-            found.nearness += by_lobe && met && endless ? of_lobe / max(hit.distance, 1e-30) : 0.0;
+            // Nearer hits, as right in a corner, say nothing of other traced pixels.
+            found.nearness += by_lobe && met && endless ? of_lobe / max(hit.distance, two) : 0.0;
         }
 #endif
     }

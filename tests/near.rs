@@ -5,7 +5,7 @@ use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::{BakeSettings, CacheSet, Density, bake};
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::near::CACHE_REACH;
-use lightskin::frame::{Antialiasing, Engine, LightShadows, Look, Near, Picture, Quality, Shadows, World};
+use lightskin::frame::{Antialiasing, Engine, LightShadows, Look, Near, Picture, Quality, Shadows, View, World};
 use lightskin::lab::knobs::Knobs;
 use lightskin::lab::scenes::{Shadowed, measured};
 use lightskin::metrics::{Metrics, metrics};
@@ -299,6 +299,31 @@ fn lobes_are_spread_over_what_mirrors_the_same() {
         count > 500 && most < 1e-5 && moved > 3e-4,
         "{count} lobes: differ by {most} from the twin, changed by {moved}"
     );
+    assert_clean(&gpu);
+}
+
+/// Hits nearer than two traced pixels, as right in a corner, do not keep the lobes of other pixels apart. Otherwise each
+/// pixel beside them would show a single ray.
+#[test]
+fn the_nearest_hits_do_not_keep_lobes_apart() {
+    let gpu = gpu();
+    let scene = cornell(CornellSurface::Glossy, 0.1);
+    let knobs = near([96, 84]);
+    let world = World::new(&gpu, &scene, Some(&baked(&scene, 0.4, 8))).expect("uploaded");
+    let frame = drawn_of(&gpu, &scene, &world, &knobs);
+    let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
+    let every = frame.light.caches().expect("caches").near.as_ref().expect("rays").every;
+    let slope = view.clip_from_world.row(1).truncate().length() * knobs.size[1] as f32;
+    let pixels: Vec<NearPixel> = gpu.read(&frame.picture.near.as_ref().expect("rays").pixels).expect("read");
+    let nearness = |p: &NearPixel| {
+        let depth = view.clip_from_world.row(3).dot({ p.position }.extend(1.0));
+        p.nearness * 4.0 * every as f32 * depth / slope
+    };
+    let mut all: Vec<f32> = pixels.iter().filter(|p| p.width > 0.0).map(nearness).collect();
+    all.sort_by(f32::total_cmp);
+    let (most, middle) = (all[all.len() - 1], all[all.len() / 2]);
+    println!("{} lobes: nearness {middle:.4} in the middle and at most {most:.4}, by two traced pixels", all.len());
+    assert!(all.len() > 1000 && (0.99..1.001).contains(&most) && middle < 0.2, "{most}, {middle}");
     assert_clean(&gpu);
 }
 

@@ -59,7 +59,8 @@ fn direct_light_is_the_sum_of_its_sources() {
                 }
             }
             println!("{name}, {light_shadows:?}: {lit} pixels lit, {dark} lights dark, off by {worst:.1e}");
-            assert!(lit > 40 && dark > 3 && worst < 1e-4, "{name}, {light_shadows:?}: {lit}, {dark}, {worst}");
+            // Positions are rounded differently, and so the texels of shadow maps.
+            assert!(lit > 40 && dark > 3 && worst < 2e-3, "{name}, {light_shadows:?}: {lit}, {dark}, {worst}");
         }
     }
 }

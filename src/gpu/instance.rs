@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use ash::{ext, vk};
 use std::ffi::{CStr, c_char, c_void};
 use std::sync::Mutex;
+use std::thread::{self, ThreadId};
 
 /// Checks of the Khronos validation layer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,17 +48,22 @@ pub(super) struct Instance {
     /// Whether the instance and its device are ours to destroy.
     pub(super) owned: bool,
     /// The loader's library, if we loaded it.
-    #[cfg_attr(
-        not(feature = "app"),
-        expect(dead_code, reason = "windows use it; without them it only keeps the library loaded")
-    )]
     pub(super) entry: Option<ash::Entry>,
+    opened_on: ThreadId,
 }
 
 impl Instance {
     /// Wraps an instance that the host has created and destroys.
     pub(super) fn of_host(instance: ash::Instance, has_debug_utils: bool) -> Self {
-        Self { instance, debug: None, messages: Box::default(), has_debug_utils, owned: false, entry: None }
+        Self {
+            instance,
+            debug: None,
+            messages: Box::default(),
+            has_debug_utils,
+            owned: false,
+            entry: None,
+            opened_on: thread::current().id(),
+        }
     }
 }
 
@@ -149,6 +155,7 @@ pub(super) fn open_instance(validation: Validation, wanted: &[*const c_char]) ->
         has_debug_utils: has_debug,
         owned: true,
         entry: Some(entry),
+        opened_on: thread::current().id(),
     };
     if validation != Validation::Off {
         let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
@@ -363,8 +370,13 @@ impl Drop for Instance {
             if let Some((loader, messenger)) = self.debug.take() {
                 loader.destroy_debug_utils_messenger(messenger, None);
             }
-            if self.owned {
+            // The loader unloads the driver along with the instance. NVIDIA's driver registers what it runs when a thread
+            // ends, for all threads that have called it: ends of other threads would then run unloaded code. So if this
+            // is another thread, both stay until the process ends.
+            if self.owned && self.opened_on == thread::current().id() {
                 self.instance.destroy_instance(None);
+            } else {
+                std::mem::forget(self.entry.take());
             }
         }
     }
