@@ -333,6 +333,39 @@ fn what_a_slider_moves_makes_no_pipeline() {
     assert_clean(&gpu);
 }
 
+/// Another thread can make the pipelines that other settings need. Light with these settings then makes none, and shows
+/// what a new engine shows.
+#[test]
+fn pipelines_of_other_settings_are_made_ahead() {
+    let gpu = gpu();
+    gpu.forget_pipelines();
+    let (all, size, look) = (kinds(), [16, 16], Look::default());
+    let mut engine = Engine::new(&gpu, loaded(&world(), 0.5), &all[0]).expect("made");
+    let mut picture = engine.picture(&gpu, size).expect("made");
+    shown(&gpu, &mut engine, &mut picture, size, &look);
+    let (first, mut ahead) = (gpu.counters().pipelines_made, 0);
+    for settings in &all[1..] {
+        let before = gpu.counters();
+        let missing = engine.missing(&gpu, settings, Some(size)).expect("found");
+        assert_eq!(gpu.counters().pipelines_made, before.pipelines_made, "a search makes nothing");
+        ahead += u32::from(!missing.is_empty());
+        let device = gpu.device().clone();
+        std::thread::spawn(move || device.make(missing)).join().expect("ended").expect("made");
+        let made = gpu.counters().pipelines_made;
+        engine.set(settings);
+        let seen = shown(&gpu, &mut engine, &mut picture, size, &look);
+        assert_eq!(gpu.counters().pipelines_made, made, "{settings:?}");
+        assert!(engine.missing(&gpu, settings, Some(size)).expect("found").is_empty());
+        let mut new = Engine::new(&gpu, loaded(&world(), 0.5), settings).expect("made");
+        let mut other = new.picture(&gpu, size).expect("made");
+        assert!(seen == shown(&gpu, &mut new, &mut other, size, &look), "{settings:?}");
+    }
+    let made = gpu.counters().pipelines_made - first;
+    println!("{made} pipelines made ahead for {ahead} of {} settings", all.len() - 1);
+    assert!(ahead > 6 && made > 20, "{ahead} settings, {made} pipelines");
+    assert_clean(&gpu);
+}
+
 /// Frames with moving and bending bodies create no device objects, including those for short rays. This also holds for
 /// a body whose `moves` flag is unset, after it has moved once.
 #[test]

@@ -287,11 +287,12 @@ impl Document {
     /// Fails if the device is lost, or nothing can be shown.
     pub(super) fn fit(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<bool> {
         self.asked = size;
-        if self.is_behind() {
+        if self.needs_upload() {
             self.upload_again(gpu);
         }
         // What takes long is made on another thread. Until then the previous settings stay.
-        let is_ready = self.engine.as_ref().is_none_or(|engine| engine.is_ready_for(&self.settings));
+        let is_ready = self.engine.as_ref().is_none_or(|engine| engine.is_ready_for(&self.settings))
+            && self.has_pipelines(gpu, size);
         let settings = if is_ready { self.settings } else { self.fitted };
         let kept = self.picture.as_ref().map(Picture::size);
         let refused = self.refused == Some((size, settings));

@@ -24,11 +24,15 @@ use std::thread::JoinHandle;
 pub(super) struct Loading {
     job: Option<Job>,
     /// Another upload of the present scene, for edits or settings that need it.
-    again: Option<Thread>,
+    again: Option<Thread<Uploaded>>,
+    /// Makes the pipelines that settings need.
+    pipelines: Option<Thread<()>>,
+    /// The settings for which pipelines were made last.
+    made_for: Option<Settings>,
     /// `Document::changes` when such an upload failed and nothing could be taken back.
     refused: Option<u64>,
     /// Uploads whose results are no longer wanted. They cannot be stopped.
-    replaced: Vec<Thread>,
+    replaced: Vec<Thread<Uploaded>>,
 }
 
 /// A scene that is being loaded, rebaked or uploaded.
@@ -44,11 +48,11 @@ struct Job {
 
 enum Step {
     Load(JoinHandle<Result<Loaded>>),
-    Upload(Thread, Box<Prepared>),
+    Upload(Thread<Uploaded>, Box<Prepared>),
 }
 
 /// A thread that uses the device, which must not be closed before it ends. So dropping this waits.
-struct Thread(Option<JoinHandle<Result<Uploaded>>>);
+struct Thread<T>(Option<JoinHandle<Result<T>>>);
 
 /// A scene on the device.
 struct Uploaded {
@@ -89,8 +93,8 @@ impl Loading {
     }
 }
 
-impl Thread {
-    fn start(work: impl FnOnce() -> Result<Uploaded> + Send + 'static) -> Self {
+impl<T: Send + 'static> Thread<T> {
+    fn start(work: impl FnOnce() -> Result<T> + Send + 'static) -> Self {
         Self(Some(std::thread::spawn(work)))
     }
 
@@ -98,12 +102,12 @@ impl Thread {
         self.0.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    fn join(mut self) -> Result<Uploaded> {
+    fn join(mut self) -> Result<T> {
         self.0.take().map_or_else(|| Err(anyhow!("joined twice")), joined)
     }
 }
 
-impl Drop for Thread {
+impl<T> Drop for Thread<T> {
     fn drop(&mut self) {
         if let Some(thread) = self.0.take() {
             drop(thread.join());
@@ -160,7 +164,7 @@ impl Document {
         {
             self.start(job.args, job.anew, job.session);
         }
-        self.loading.again = None;
+        (self.loading.again, self.loading.pipelines, self.loading.made_for) = (None, None, None);
         self.loading.replaced.clear();
     }
 
@@ -169,15 +173,21 @@ impl Document {
         self.loading.job.as_ref().map_or(&self.args, |job| &job.args)
     }
 
-    /// Whether edits or settings are not visible yet, because they need another upload of the scene.
+    /// Whether edits or settings are not visible yet, because something is made for them on another thread.
     pub(super) fn is_behind(&self) -> bool {
+        self.needs_upload() || self.loading.pipelines.is_some()
+    }
+
+    /// Whether edits or settings need another upload of the scene.
+    pub(super) fn needs_upload(&self) -> bool {
         self.engine.as_ref().is_some_and(|engine| engine.is_behind() || !engine.is_ready_for(&self.settings))
     }
 
     /// Progress of the job from 0 to 1, and its current step. `None` without a job.
     pub(super) fn progress(&self) -> Option<(f32, String)> {
         let again = || self.loading.again.as_ref().map(|_| (1.0, "upload".to_owned()));
-        self.loading.job.as_ref().map(|job| job.progress.get()).or_else(again)
+        let pipelines = || self.loading.pipelines.as_ref().map(|_| (1.0, "compile shaders".to_owned()));
+        self.loading.job.as_ref().map(|job| job.progress.get()).or_else(again).or_else(pipelines)
     }
 
     /// Continues with the result of a finished step. Returns whether a scene was loaded. Never waits. If a scene does not
@@ -284,7 +294,12 @@ impl Document {
     }
 
     /// Puts a scene onto the device on another thread.
-    fn upload_thread(&self, gpu: &Gpu, settings: Settings, loaded: impl FnOnce() -> Loaded + Send + 'static) -> Thread {
+    fn upload_thread(
+        &self,
+        gpu: &Gpu,
+        settings: Settings,
+        loaded: impl FnOnce() -> Loaded + Send + 'static,
+    ) -> Thread<Uploaded> {
         let (device, size) = (gpu.device().clone(), self.picture.as_ref().map_or(self.asked, Picture::size));
         // All of the new scene must fit, so that the old one can stay if it does not.
         let make = move || -> Result<Uploaded> {
@@ -300,6 +315,27 @@ impl Document {
         }
     }
 
+    /// Whether the pipelines of the requested settings are there. Otherwise another thread makes them. What the device
+    /// refuses there it refuses again when light is made with these settings.
+    pub(super) fn has_pipelines(&mut self, gpu: &Gpu, size: [u32; 2]) -> bool {
+        if let Some(thread) = self.loading.pipelines.take_if(|thread| thread.is_finished()) {
+            drop(thread.join());
+        }
+        let is_new = self.settings != self.fitted && self.loading.made_for != Some(self.settings);
+        let Some(engine) = self.engine.as_ref().filter(|_| is_new && self.drawn.is_some()) else {
+            return self.loading.pipelines.is_none();
+        };
+        if self.loading.pipelines.is_none() {
+            self.loading.made_for = Some(self.settings);
+            let size = Some(size).filter(|size| !size.contains(&0));
+            let missing = engine.missing(gpu, &self.settings, size).ok().filter(|missing| !missing.is_empty());
+            let (device, rest) = (gpu.device().clone(), self.rest.clone());
+            self.loading.pipelines =
+                missing.map(|missing| Thread::start(move || rest.first(|| Ok(device.make(missing)?))));
+        }
+        self.loading.pipelines.is_none()
+    }
+
     /// Whether the present scene is from the file of these arguments, even with another sky or other caches.
     fn shows(&self, args: &Args) -> bool {
         self.engine.is_some() && args.scene == self.args.scene
@@ -309,7 +345,7 @@ impl Document {
     /// follows.
     fn take_again(&mut self, gpu: &Gpu, Uploaded { mut engine, picture, fitted }: Uploaded) -> Result<()> {
         // What needed the upload may have been undone.
-        let (true, Some(old)) = (self.is_behind(), &self.engine) else { return Ok(()) };
+        let (true, Some(old)) = (self.needs_upload(), &self.engine) else { return Ok(()) };
         engine.show(gpu, old.scene().clone())?;
         (self.engine, self.picture, self.fitted, self.refused) = (Some(engine), picture, fitted, None);
         Ok(())

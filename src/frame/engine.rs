@@ -9,7 +9,7 @@ use super::view::View;
 use super::world::World;
 use crate::bake::{BakeSettings, CacheSet, Density, bake_cached};
 use crate::error::{Error, Result};
-use crate::gpu::{Cmd, Device};
+use crate::gpu::{Cmd, Device, Missing};
 use crate::scene::defaults::{Ground, complete};
 use crate::scene::{Camera, Scene, gltf, tessellate};
 use std::path::Path;
@@ -155,6 +155,19 @@ impl Engine {
     /// seconds: the BVHs, and the reflectances of the caches. A new engine has all that its settings need.
     pub fn is_ready_for(&self, settings: &Settings) -> bool {
         self.world.is_ready_for(settings)
+    }
+
+    /// The pipelines that light with these settings and a picture of this size need and that are not there yet. If
+    /// another thread makes them, the next `fit` takes less time.
+    ///
+    /// # Errors
+    /// As `Light::new` and `Picture::new`.
+    pub fn missing(&self, gpu: &Device, settings: &Settings, size: Option<[u32; 2]>) -> Result<Missing> {
+        gpu.missing(|| {
+            let light = Light::new(gpu, &self.scene, &self.world, settings, 1)?;
+            let picture = size.map(|size| Picture::new(gpu, &self.world, &light, size)).transpose()?;
+            Ok((light, picture))
+        })
     }
 
     /// Changes the settings; they take effect at the next `fit`.

@@ -21,6 +21,7 @@ mod image;
 mod instance;
 mod layout;
 mod memory;
+mod missing;
 mod pipeline;
 mod raster;
 mod recipe;
@@ -49,6 +50,7 @@ pub use image::{Extent, Image, ImageDesc};
 pub use instance::{DeviceReport, Needs, Validation, devices};
 #[cfg(feature = "app")]
 pub use memory::give_memory_back;
+pub use missing::Missing;
 pub use pipeline::Pipeline;
 pub(crate) use pipeline::shader;
 pub use raster::{Attribute, Blend, Cull, Depth, Raster, Shape, Stream};

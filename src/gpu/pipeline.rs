@@ -105,6 +105,11 @@ impl Pipelines {
         self.kept.len()
     }
 
+    /// Any pipeline of the cache.
+    pub(super) fn any(&self) -> Option<Pipeline> {
+        self.kept.values().next().map(|kept| kept.pipeline.clone())
+    }
+
     /// Drops all cached pipelines that are not in use.
     pub(super) fn clear(&mut self) {
         self.kept.clear();
@@ -163,6 +168,9 @@ impl Device {
                 kept.turn = pipelines.turn;
                 return Ok(kept.pipeline.clone());
             }
+        }
+        if let Some(other) = self.stand_in(&recipe) {
+            return Ok(other);
         }
         let pipeline = self.follow(&recipe)?;
         let pipelines = &mut *lock(&self.pipelines);
