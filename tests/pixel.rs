@@ -9,7 +9,7 @@ use lightskin::frame::{Interpolation, LightShadows, View, World};
 use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::reference::gather::Cache;
-use lightskin::reference::interpolate::{Scheme, weights};
+use lightskin::reference::interpolate::{Scheme, falloff, weights};
 use lightskin::scene::build::quad;
 use lightskin::scene::{LightKind, Material, Scene};
 
@@ -59,32 +59,44 @@ fn direct_light_is_the_sum_of_its_sources() {
                 }
             }
             println!("{name}, {light_shadows:?}: {lit} pixels lit, {dark} lights dark, off by {worst:.1e}");
-            // Positions are rounded differently, and so the texels of shadow maps.
-            assert!(lit > 40 && dark > 3 && worst < 2e-3, "{name}, {light_shadows:?}: {lit}, {dark}, {worst}");
+            // GPUs round the positions differently, and with them the texels of shadow maps.
+            let most = if gpu.is_software() { 1e-4 } else { 2e-3 };
+            assert!(lit > 40 && dark > 3 && worst < most, "{name}, {light_shadows:?}: {lit}, {dark}, {worst}");
         }
     }
 }
 
-/// Numbers, from 0, and weights of the caches at a visible point, from the scene's own lists.
+/// Numbers, from 0, weights and light [lx] of the caches at a visible point, from the scene's own lists.
 fn twin(
     scene: &Scene,
     caches: &CacheSet,
     shot: &Shot,
     at: &lightskin::lab::shot::PixelSurface,
     scheme: Scheme,
-) -> Vec<(usize, f64)> {
+) -> Vec<(usize, f64, DVec3)> {
     let count = |i: usize| caches.models[caches.instance_model[i]].caches.len();
     let base: usize = (0..at.instance).map(count).sum();
     let instance = &scene.instances[at.instance];
     let mesh = &scene.meshes[instance.mesh];
     let normals = instance.world_from_model.matrix3.inverse().transpose();
     let normal = |i: usize| (normals * mesh.vertices[at.vertices[i]].normal.as_dvec3()).normalize();
-    let mut all = vec![0.0; shot.caches.len()];
+    let mut all = vec![(0.0, DVec3::ZERO); shot.caches.len()];
     let mut add = |numbers: &[usize], x: DVec3, normal: DVec3, reach: Option<f64>, share: f64| {
         let caches: Vec<Cache> = numbers.iter().map(|i| shot.caches[*i]).collect();
         let farthest = caches.iter().map(|cache| cache.position.distance(x)).fold(0.0, f64::max);
         let weights = weights(x, normal, &caches, scheme, reach.unwrap_or(farthest));
-        numbers.iter().zip(weights).for_each(|(number, weight)| all[*number] += share * weight);
+        for ((number, weight), cache) in numbers.iter().zip(weights).zip(&caches) {
+            let lobe = &shot.proxies[*number].diffuse;
+            let (there, here) = (lobe.position.distance_squared(cache.position), lobe.position.distance_squared(x));
+            let left = match scheme {
+                Scheme::Facing => falloff(lobe.distance2, there, here),
+                Scheme::Printed => there / here,
+            };
+            all[*number].0 += share * weight;
+            if lobe.lit {
+                all[*number].1 += share * weight * left * lobe.facing_irradiance;
+            }
+        }
     };
     if let Some(cells) = &caches.cells {
         let mean = (0..3).map(|i| at.weights[i] * normal(i)).sum::<DVec3>().normalize();
@@ -105,10 +117,11 @@ fn twin(
             add(&own, x, normal(i), None, at.weights[i]);
         }
     }
-    all.into_iter().enumerate().filter(|(_, weight)| *weight > 0.0).collect()
+    let numbered = all.into_iter().enumerate().map(|(number, (weight, light))| (number, weight, light));
+    numbered.filter(|(_, weight, _)| *weight > 0.0).collect()
 }
 
-/// A pixel's caches and their weights are the references', at vertices and in cells, by both kernels.
+/// A pixel's caches, their weights and their light are the references', at vertices and in cells, by both kernels.
 #[test]
 fn caches_of_a_pixel_have_the_weights_of_the_references() {
     let gpu = gpu();
@@ -125,7 +138,7 @@ fn caches_of_a_pixel_have_the_weights_of_the_references() {
             let world = World::new(&gpu, &scene, Some(&caches)).expect("upload");
             let frame = drawn_of(&gpu, &scene, &world, &knobs);
             let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-            let (mut worst, mut listed, mut pixels) = (0.0_f64, 0, 0);
+            let (mut worst, mut off, mut listed, mut pixels) = (0.0_f64, 0.0_f64, 0, 0);
             for s in seen(&scene, knobs.size).iter().step_by(37) {
                 let at = [s.pixel as u32 % knobs.size[0], s.pixel as u32 / knobs.size[0]];
                 let caches_here = found(&gpu, &world, &frame, &view, at).caches;
@@ -136,19 +149,24 @@ fn caches_of_a_pixel_have_the_weights_of_the_references() {
                 }
                 assert!((sum - 1.0).abs() < 1e-5, "{name}: the weights of {at:?} sum to {sum}");
                 assert!(caches_here.is_sorted_by(|a, b| a.weight >= b.weight), "heaviest first");
-                for (number, weight) in &twin {
+                let all: DVec3 = twin.iter().map(|(.., light)| *light).sum();
+                for (number, weight, light) in &twin {
                     let own = caches_here.iter().find(|cache| cache.number as usize == number + 1);
                     let is = own.map_or(0.0, |cache| f64::from(cache.weight));
                     worst = worst.max((is - weight).abs());
                     if let Some(own) = own {
                         let cache = &shot.caches[*number];
                         assert!(own.position.as_dvec3().distance(cache.position - world.origin) < 1e-5 * world.radius);
+                        off = off.max(own.irradiance.as_dvec3().distance(*light) / (all.length() + 1e-3));
                     }
                 }
                 (listed, pixels) = (listed + caches_here.len(), pixels + 1);
             }
-            println!("{name}, {scheme:?}: {listed} caches of {pixels} pixels, weights off by {worst:.1e}");
-            assert!(pixels > 20 && listed > 3 * pixels && worst < 1e-3, "{name}, {scheme:?}: {worst}");
+            println!(
+                "{name}, {scheme:?}: {listed} caches of {pixels} pixels, weights off by {worst:.1e}, light by {off:.1e}"
+            );
+            let is_right = worst < 1e-5 && off < 1e-4;
+            assert!(pixels > 20 && listed > 3 * pixels && is_right, "{name}, {scheme:?}: {worst}, {off}");
         }
     }
 }

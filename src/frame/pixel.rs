@@ -82,6 +82,7 @@ fn lights(
         for i in 0..count {
             let anew = Attachments { colors: &[Attach::clear(&around.radiance)], depth: None, area: around.area() };
             cmd.render(&anew, |_| ());
+            // Copies, and the passes of the last light -> this light's.
             let done = Use::CopyWrite | Use::ColorWrite | Use::FragmentRead | Use::ComputeRead | Use::IndirectRead;
             let next = Use::ColorWrite | Use::FragmentRead | Use::ComputeRead | Use::ComputeWrite | Use::CopyWrite;
             cmd.barrier(done | Use::VertexRead, next | Use::DepthWrite);

@@ -141,10 +141,7 @@ pub fn interpolate_within(
 /// [`interpolate_within`].
 pub fn weights(x: DVec3, normal: DVec3, references: &[Cache], scheme: Scheme, d_max: f64) -> Vec<f64> {
     let t = |cache: &Cache| if d_max > 0.0 { cache.position.distance(x) / d_max } else { 0.0 };
-    let mut all: Vec<f64> = references.iter().map(|c| kernel(scheme, t(c), normal.dot(c.normal))).collect();
-    if all.iter().all(|weight| *weight == 0.0) {
-        all = references.iter().map(|cache| distance_kernel(t(cache))).collect();
-    }
+    let all = kernels(references.iter().map(|cache| (t(cache), normal.dot(cache.normal))), scheme);
     let sum: f64 = all.iter().sum();
     all.iter().map(|weight| weight / sum).collect()
 }
@@ -164,11 +161,16 @@ struct Light {
     irradiance: DVec3,
 }
 
-/// Every reference with its weight; by distance alone if all weights vanish.
+/// Weights of references, given by `t` and `cos` as in [`kernel`]; by distance alone if all weights vanish.
+fn kernels(references: impl Iterator<Item = (f64, f64)> + Clone, scheme: Scheme) -> Vec<f64> {
+    let weights: Vec<f64> = references.clone().map(|(t, cos)| kernel(scheme, t, cos)).collect();
+    let none = weights.iter().all(|weight| *weight == 0.0);
+    if none { references.map(|(t, _)| distance_kernel(t)).collect() } else { weights }
+}
+
+/// Every reference with its weight.
 fn weighted(entries: &[Entry], scheme: Scheme) -> Vec<(&Entry, f64)> {
-    let all = |weight: &dyn Fn(&Entry) -> f64| entries.iter().map(|entry| (entry, weight(entry))).collect::<Vec<_>>();
-    let weights = all(&|entry| kernel(scheme, entry.t, entry.cos));
-    if weights.iter().any(|w| w.1 != 0.0) { weights } else { all(&|entry| distance_kernel(entry.t)) }
+    entries.iter().zip(kernels(entries.iter().map(|entry| (entry.t, entry.cos)), scheme)).collect()
 }
 
 /// Diffuse lobe: averages facing irradiances, scaled to `x`; `None` if no reference is lit.
