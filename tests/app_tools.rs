@@ -105,20 +105,20 @@ fn brute_force_follows_another_upload() {
     let Some(display) = Display::open() else { return };
     let folder = folder("app_upload");
     let scene = cornell();
-    let words = ["view", scene.to_str().expect("a path"), "--size", "400x1000"];
+    let words = ["view", scene.to_str().expect("a path"), "--size", "64x1000"];
     let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
     app.line("scene");
-    app.resize(720, 1000);
+    app.resize(384, 1000);
     // Buttons lie where the previous frame put them, so wait for one frame.
     app.command();
-    app.choose([400 + 135, 298], 2, "--rsm 64");
+    app.choose([64 + 135, 298], 2, "--rsm 64");
     app.press("Space");
     std::thread::sleep(Duration::from_millis(300));
     app.settle("");
-    app.choose([400 + 135, 799], 4, "");
+    app.choose([64 + 135, 799], 4, "");
     // It begins when there was no input for a while, and takes seconds.
     std::thread::sleep(Duration::from_millis(700));
-    app.tap([400 + 112, 272], "--near rays");
+    app.tap([64 + 112, 272], "--near rays");
     assert!(app.line("errors").contains("brute force"));
     app.quit();
 }

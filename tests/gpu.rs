@@ -43,6 +43,40 @@ pub(crate) fn validated() -> impl Iterator<Item = Gpu> {
     [Validation::Core, Validation::Sync].into_iter().map(open)
 }
 
+/// Copies have the content of the time when they were begun, whatever later frames do, and another thread takes them.
+#[test]
+fn copies_are_taken_later() {
+    if apart() {
+        return;
+    }
+    for gpu in validated() {
+        let first: Vec<u32> = (0..1000).collect();
+        let buffer = gpu.buffer_from("test.numbers", &first).expect("buffer");
+        let [copy, same] = gpu
+            .begin("test", |cmd| Ok([cmd.read_buffer::<u32>(&buffer)?, cmd.read_buffer::<u32>(&buffer)?]))
+            .expect("begun");
+        for _ in 0..3 {
+            let frame = gpu.frame(|cmd| {
+                cmd.clear(&buffer);
+                Ok(())
+            });
+            assert_eq!(frame.expect("submitted").problems, [""; 0]);
+        }
+        assert_eq!(std::thread::spawn(|| copy.take()).join().expect("ended").expect("read"), first);
+        assert_eq!(same.take().expect("read"), first);
+        assert_eq!(gpu.read::<u32>(&buffer).expect("read"), [0; 1000]);
+        // Commands that were not submitted copy nothing.
+        let mut none = None;
+        let failed = gpu.begin("test", |cmd| {
+            none = Some(cmd.read_buffer::<u32>(&buffer)?);
+            Err::<(), _>(lightskin::Error::Nothing("test".into()))
+        });
+        assert!(failed.is_err());
+        assert!(catch_unwind(AssertUnwindSafe(|| none.expect("made").take())).is_err());
+        assert_clean(&gpu);
+    }
+}
+
 #[test]
 fn variants_of_shaders_are_checked() {
     let of = |text: &str| {

@@ -1,7 +1,9 @@
 //! Background work: one thread at a time, which pauses while the user moves something.
 
+use anyhow::{Result, anyhow};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// How long work pauses after the last input.
@@ -71,4 +73,40 @@ pub(super) fn alone<T: Send>(work: impl FnOnce() -> T + Send) -> T {
         Ok(pool) => pool.install(work),
         Err(_) => work(),
     }
+}
+
+/// A thread that uses the device, which must not be closed before it ends. So dropping this waits.
+pub(super) struct Thread<T>(Option<JoinHandle<Result<T>>>);
+
+impl<T> Default for Thread<T> {
+    fn default() -> Self {
+        Self(None)
+    }
+}
+
+impl<T: Send + 'static> Thread<T> {
+    pub(super) fn start(work: impl FnOnce() -> Result<T> + Send + 'static) -> Self {
+        Self(Some(std::thread::spawn(work)))
+    }
+
+    pub(super) fn is_finished(&self) -> bool {
+        self.0.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    pub(super) fn join(mut self) -> Result<T> {
+        self.0.take().map_or_else(|| Err(anyhow!("joined twice")), joined)
+    }
+}
+
+impl<T> Drop for Thread<T> {
+    fn drop(&mut self) {
+        if let Some(thread) = self.0.take() {
+            drop(thread.join());
+        }
+    }
+}
+
+/// The result of a thread.
+pub(super) fn joined<T>(thread: JoinHandle<Result<T>>) -> Result<T> {
+    thread.join().map_err(|_| anyhow!("a background job panicked; this is a bug of lightskin"))?
 }

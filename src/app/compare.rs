@@ -1,7 +1,7 @@
 //! Comparison of two pictures side by side: lightskin's picture, references of the current view, or files. The error is
 //! shown as numbers and as a map.
 
-use super::background::Rest;
+use super::background::{Rest, Thread};
 use super::side::{Reference, Side, Source};
 use crate::cli::view::print;
 use anyhow::Result;
@@ -66,8 +66,22 @@ pub(super) struct Now<'a> {
 /// Identifies a measurement: the numbers of lightskin's picture and of both references, and the map.
 pub(super) type Measured = (u64, [u64; 2], Map);
 
-/// The thread of a measurement. It returns the errors, and the map as RGBA.
-type Measuring = JoinHandle<(Errors, Vec<u8>)>;
+/// The thread of a measurement.
+enum Measuring {
+    /// Reads lightskin's picture back. Returns both sides, and their size.
+    Reads(Thread<([Pixels; 2], [u32; 2])>),
+    /// Returns the errors, and the map as RGBA.
+    Compares(JoinHandle<(Errors, Vec<u8>)>),
+}
+
+impl Measuring {
+    fn is_finished(&self) -> bool {
+        match self {
+            Self::Reads(thread) => thread.is_finished(),
+            Self::Compares(thread) => thread.is_finished(),
+        }
+    }
+}
 
 /// The comparison.
 pub(super) struct Compare {
@@ -193,7 +207,7 @@ impl Compare {
 
     /// Drops everything on the device. The next steps make it again on another.
     pub(super) fn leave_device(&mut self) {
-        (self.image, self.measured) = (None, None);
+        (self.image, self.measured, self.measuring) = (None, None, None);
         self.sides.iter_mut().for_each(Side::leave_device);
     }
 
@@ -216,44 +230,72 @@ impl Compare {
     }
 
     fn measure(&mut self, gpu: &Gpu, now: &Now<'_>, rests: bool) -> Result<()> {
-        if let Some((of, thread)) = self.measuring.take_if(|(_, thread)| thread.is_finished())
-            && let Ok((errors, map)) = thread.join()
-            && of.1 == self.numbers()
-        {
-            let [width, height] = now.picture.size();
-            let fits = map.len() == 4 * width as usize * height as usize;
-            self.image = (of.2 != Map::Reference && fits)
-                .then(|| gpu.texture("window.map", Format::R8G8B8A8_UNORM, width, height, &[map]))
-                .transpose()?;
-            self.measured = Some(of);
-            // Print the errors once the references are final.
-            if !self.sides.iter().any(Side::works) && of == self.wanted() {
-                let Errors { flip, relmse, bias, .. } = errors;
-                print(&format!("errors    flip {flip:.6}, relmse {relmse:.6}, bias {bias:.6}: {}", self.state()));
+        match self.measuring.take_if(|(_, measuring)| measuring.is_finished()) {
+            Some((of, Measuring::Reads(thread))) if of.1 == self.numbers() => {
+                let ([image, reference], size) = thread.join()?;
+                let (values, rest) = (self.values(), self.rest.clone());
+                let compare = move || errors(&image.values(), &reference.values(), values, size, of.2);
+                let compares = std::thread::spawn(move || rest.first(compare));
+                self.measuring = Some((of, Measuring::Compares(compares)));
             }
-            self.errors = Some(errors);
+            Some((of, Measuring::Compares(thread))) if of.1 == self.numbers() => {
+                if let Ok((errors, map)) = thread.join() {
+                    self.take(gpu, now.picture.size(), of, (errors, map))?;
+                }
+            }
+            _ => {}
         }
-        if !rests || self.measuring.is_some() || !self.is_unmeasured() {
-            return Ok(());
+        if rests && self.measuring.is_none() && self.is_unmeasured() {
+            let read = self.read(gpu, now)?;
+            self.measuring = Some((self.wanted(), Measuring::Reads(Thread::start(read))));
         }
-        // If either side has display values, both sides are compared as a display shows them.
-        let values = self.sides.iter().filter_map(Side::reference).map(|reference| reference.values);
-        let values = if values.clone().any(|v| v == Values::Display) { Values::Display } else { Values::Radiance };
-        let look = (now.look.tonemap, gpu.read::<f32>(&now.picture.output.exposure)?[0]);
-        let [image, reference] = self.sides.each_ref().map(|side| -> Result<Pixels> {
-            Ok(match (side.reference(), values) {
-                (Some(reference), _) => {
+        Ok(())
+    }
+
+    /// If either side has display values, both sides are compared as a display shows them.
+    fn values(&self) -> Values {
+        let shows = |side: &Side| side.reference().is_some_and(|reference| reference.values == Values::Display);
+        if self.sides.iter().any(shows) { Values::Display } else { Values::Radiance }
+    }
+
+    /// Begins to read both sides. The result waits for the device.
+    fn read(
+        &self,
+        gpu: &Gpu,
+        now: &Now<'_>,
+    ) -> Result<impl FnOnce() -> Result<([Pixels; 2], [u32; 2])> + Send + use<>> {
+        let (values, curve, size) = (self.values(), now.look.tonemap, now.picture.size());
+        let references = self.sides.each_ref().map(|side| side.reference());
+        let ours = references.iter().any(Option::is_none).then(|| read(gpu, now.picture, values)).transpose()?;
+        let ev = gpu.begin("readback", |cmd| cmd.read_buffer::<f32>(&now.picture.output.exposure))?;
+        Ok(move || {
+            let look = (curve, ev.take()?[0]);
+            let mut ours = ours.map(|wait| wait()).transpose()?.unwrap_or_default();
+            let pixels = references.map(|reference| match reference {
+                Some(reference) => {
                     let look = (reference.values != values).then_some(look);
                     Pixels::Of(reference, look)
                 }
-                (None, Values::Radiance) => Pixels::Read(radiance(gpu, now.picture)?),
-                (None, Values::Display) => Pixels::Read(shown(gpu, now.picture)?),
-            })
-        });
-        let (image, reference, size) = (image?, reference?, now.picture.size());
-        let (map, rest) = (self.map, self.rest.clone());
-        let measure = move || errors(&image.values(), &reference.values(), values, size, map);
-        self.measuring = Some((self.wanted(), std::thread::spawn(move || rest.first(measure))));
+                None => Pixels::Read(std::mem::take(&mut ours)),
+            });
+            Ok((pixels, size))
+        })
+    }
+
+    /// Takes over a measurement.
+    fn take(&mut self, gpu: &Gpu, size: [u32; 2], of: Measured, (errors, map): (Errors, Vec<u8>)) -> Result<()> {
+        let [width, height] = size;
+        let fits = map.len() == 4 * width as usize * height as usize;
+        self.image = (of.2 != Map::Reference && fits)
+            .then(|| gpu.texture("window.map", Format::R8G8B8A8_UNORM, width, height, &[map]))
+            .transpose()?;
+        self.measured = Some(of);
+        // Print the errors once the references are final.
+        if !self.sides.iter().any(Side::works) && of == self.wanted() {
+            let Errors { flip, relmse, bias, .. } = errors;
+            print(&format!("errors    flip {flip:.6}, relmse {relmse:.6}, bias {bias:.6}: {}", self.state()));
+        }
+        self.errors = Some(errors);
         Ok(())
     }
 }
@@ -303,23 +345,36 @@ fn errors(image: &[[f32; 3]], reference: &[[f32; 3]], values: Values, size: [u32
     (Errors { flip: mean, relmse: found.relmse, bias: found.bias, scale }, colors)
 }
 
-/// Total radiance of a picture [cd/m^2].
-pub(super) fn radiance(gpu: &Gpu, picture: &Picture) -> Result<Vec<[f32; 3]>> {
+/// Begins to read a picture: its total radiance [cd/m^2], or as a display shows it, converted to linear. The result
+/// waits for the device, on any thread.
+pub(super) fn read(
+    gpu: &Gpu,
+    picture: &Picture,
+    values: Values,
+) -> Result<impl FnOnce() -> Result<Vec<[f32; 3]>> + Send + use<>> {
     let indirect = picture.indirect.as_ref();
     let layers =
         [Some(&picture.surface.radiance), indirect.map(|i| &i.diffuse), indirect.and_then(|i| i.glossy.as_ref())];
+    let (radiance, shown) = gpu.begin("readback", |cmd| {
+        let image = &picture.output.picture;
+        Ok(match values {
+            Values::Display => (Vec::new(), Some(cmd.read_image::<[u8; 4]>(image)?)),
+            Values::Radiance => {
+                let layers = layers.into_iter().flatten().map(|image| cmd.read_image::<[f32; 4]>(image));
+                (layers.collect::<lightskin::Result<_>>()?, None)
+            }
+        })
+    })?;
     let [width, height] = picture.size().map(|side| side as usize);
-    let mut all = vec![[0.0; 3]; width * height];
-    for layer in layers.into_iter().flatten() {
-        let texels: Vec<[f32; 4]> = gpu.read_image(layer)?;
-        all.iter_mut().zip(texels).for_each(|(all, one)| (0..3).for_each(|c| all[c] += one[c]));
-    }
-    Ok(all)
-}
-
-/// The picture as a display shows it, converted to linear.
-fn shown(gpu: &Gpu, picture: &Picture) -> Result<Vec<[f32; 3]>> {
-    let texels: Vec<[u8; 4]> = gpu.read_image(&picture.output.picture)?;
-    let linear: Vec<f32> = (0..=255).map(lightskin::image::linear_from_srgb).collect();
-    Ok(texels.iter().map(|t| [0, 1, 2].map(|c| linear[usize::from(t[c])])).collect())
+    Ok(move || {
+        if let Some(shown) = shown {
+            let linear: Vec<f32> = (0..=255).map(lightskin::image::linear_from_srgb).collect();
+            return Ok(shown.take()?.iter().map(|t| [0, 1, 2].map(|c| linear[usize::from(t[c])])).collect());
+        }
+        let mut all = vec![[0.0; 3]; width * height];
+        for layer in radiance {
+            all.iter_mut().zip(layer.take()?).for_each(|(all, one)| (0..3).for_each(|c| all[c] += one[c]));
+        }
+        Ok(all)
+    })
 }

@@ -93,7 +93,7 @@ pub(super) struct Document {
     pub(super) session: Option<PathBuf>,
     watch: Option<Watch>,
     pub(super) loading: Loading,
-    /// The last size that the picture was asked to have [pixels].
+    /// The size that the picture should have [pixels].
     pub(super) asked: [u32; 2],
     pub(super) ways: Ways,
     pub(super) rest: Rest,
@@ -279,14 +279,14 @@ impl Document {
         self.lights = lights;
     }
 
-    /// Adapts light and picture to the requested settings and size. What the device cannot handle is logged: the picture
+    /// Adapts light and picture to the requested settings and the size `asked`. What the device cannot handle is logged: the picture
     /// keeps its size, or else the previous settings are restored. Returns false when a size is refused, not again while
     /// it stays.
     ///
     /// # Errors
     /// Fails if the device is lost, or nothing can be shown.
-    pub(super) fn fit(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<bool> {
-        self.asked = size;
+    pub(super) fn fit(&mut self, gpu: &Gpu) -> Result<bool> {
+        let size = self.asked;
         if self.needs_upload() {
             self.upload_again(gpu);
         }
@@ -315,7 +315,7 @@ impl Document {
         }
         log::error!("{error:#}; the previous settings are restored");
         self.settings = self.fitted;
-        self.fit(gpu, size)
+        self.fit(gpu)
     }
 
     /// Adapts light and picture. Without a size there is no picture.

@@ -1,6 +1,7 @@
 //! Loading of scenes in the background: from the file to caches on one thread, then onto the device on another. The old
 //! scene stays visible, and can be edited, until the new one is complete.
 
+use super::background::{Thread, joined};
 use super::camera::{Free, Seen};
 use super::document::{Document, copy_edits, usual};
 use super::recent;
@@ -10,7 +11,7 @@ use super::window::lost;
 use crate::cli::lights::Lights;
 use crate::cli::thousands;
 use crate::cli::view::{View as Args, print};
-use anyhow::{Result, anyhow};
+use anyhow::Result;
 use lightskin::frame::engine::{Loaded, Progress};
 use lightskin::frame::{Engine, Picture, Settings};
 use lightskin::gpu::Gpu;
@@ -51,9 +52,6 @@ enum Step {
     Upload(Thread<Uploaded>, Box<Prepared>),
 }
 
-/// A thread that uses the device, which must not be closed before it ends. So dropping this waits.
-struct Thread<T>(Option<JoinHandle<Result<T>>>);
-
 /// A scene on the device.
 struct Uploaded {
     engine: Engine,
@@ -87,37 +85,10 @@ impl Loading {
     fn replace(&mut self, job: Option<Job>) -> Option<Job> {
         let mut old = std::mem::replace(&mut self.job, job)?;
         if let Step::Upload(thread, _) = &mut old.step {
-            self.replaced.push(Thread(thread.0.take()));
+            self.replaced.push(std::mem::take(thread));
         }
         Some(old)
     }
-}
-
-impl<T: Send + 'static> Thread<T> {
-    fn start(work: impl FnOnce() -> Result<T> + Send + 'static) -> Self {
-        Self(Some(std::thread::spawn(work)))
-    }
-
-    fn is_finished(&self) -> bool {
-        self.0.as_ref().is_none_or(JoinHandle::is_finished)
-    }
-
-    fn join(mut self) -> Result<T> {
-        self.0.take().map_or_else(|| Err(anyhow!("joined twice")), joined)
-    }
-}
-
-impl<T> Drop for Thread<T> {
-    fn drop(&mut self) {
-        if let Some(thread) = self.0.take() {
-            drop(thread.join());
-        }
-    }
-}
-
-/// The result of a thread.
-fn joined<T>(thread: JoinHandle<Result<T>>) -> Result<T> {
-    thread.join().map_err(|_| anyhow!("a background job panicked; this is a bug of lightskin"))?
 }
 
 impl Document {

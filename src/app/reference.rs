@@ -1,12 +1,13 @@
 //! Sources of references: the path tracer in the background, first coarse, then pass after pass; and brute force on the
 //! device, a few blocks of pixels per frame.
 
-use super::background::{Rest, alone};
-use super::compare::{Now, radiance};
+use super::background::{Rest, Thread, alone};
+use super::compare::{Now, read};
 use anyhow::Result;
 use lightskin::frame::brute_force::blocks;
 use lightskin::frame::{Engine, Light, Look, Part, Picture, Settings, record_part};
 use lightskin::gpu::Gpu;
+use lightskin::metrics::display::Values;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::scene::{Camera, Scene};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -128,33 +129,48 @@ const PART: Duration = Duration::from_millis(40);
 
 /// An unfinished brute-force picture of the current view.
 pub(super) struct BruteForce {
-    light: Light,
-    picture: Picture,
-    /// The next part, if one is missing, and the number of blocks for the next step.
-    next: Option<Part>,
+    settings: Settings,
+    size: [u32; 2],
+    state: State,
+    /// The number of blocks for the next step.
     blocks: u32,
 }
 
+/// How far a brute-force picture is.
+enum State {
+    /// A thread makes the pipelines that are missing.
+    Pipelines(Thread<()>),
+    /// This part is drawn next.
+    Draws(Box<(Light, Picture)>, Part),
+    /// A thread reads the radiance back.
+    Reads(Thread<Vec<[f32; 3]>>),
+}
+
 impl BruteForce {
-    pub(super) fn new(gpu: &Gpu, now: &Now<'_>, settings: &Settings) -> Result<Self> {
-        let world = now.engine.world();
-        let light = Light::new(gpu, now.engine.scene(), world, settings, 1)?;
-        let picture = Picture::new(gpu, world, &light, now.picture.size())?;
-        Ok(Self { light, picture, next: Some(Part::Before), blocks: 1 })
+    pub(super) fn new(gpu: &Gpu, now: &Now<'_>, settings: &Settings, rest: &Rest) -> Result<Self> {
+        let size = now.picture.size();
+        let missing = now.engine.missing(gpu, settings, Some(size))?;
+        let (device, rest) = (gpu.device().clone(), rest.clone());
+        let make = move || if missing.is_empty() { Ok(()) } else { rest.first(|| Ok(device.make(missing)?)) };
+        Ok(Self { settings: *settings, size, state: State::Pipelines(Thread::start(make)), blocks: 1 })
     }
 
     /// Whether its light was created for the scene on the device.
     pub(super) fn fits(&self, engine: &Engine) -> bool {
-        self.light.fits(engine.world())
+        if let State::Draws(made, _) = &self.state { made.0.fits(engine.world()) } else { true }
+    }
+
+    /// Whether the next step should follow at once. Otherwise it waits for a thread.
+    pub(super) fn hurries(&self) -> bool {
+        matches!(self.state, State::Draws(..))
     }
 
     /// Progress from 0 to 1.
     pub(super) fn progress(&self) -> f32 {
-        let all = blocks(self.picture.size()).max(1) as f32;
-        match &self.next {
-            None => 1.0,
-            Some(Part::Blocks(next)) => next.start as f32 / all,
-            Some(Part::Whole | Part::Before) => 0.0,
+        match &self.state {
+            State::Draws(_, Part::Blocks(next)) => next.start as f32 / blocks(self.size).max(1) as f32,
+            State::Pipelines(_) | State::Draws(..) => 0.0,
+            State::Reads(_) => 1.0,
         }
     }
 
@@ -166,8 +182,22 @@ impl BruteForce {
         now: &Now<'_>,
         problems: &mut Vec<String>,
     ) -> Result<Option<Vec<[f32; 3]>>> {
-        let Self { light, picture, next, blocks: count } = self;
-        let Some(part) = next else { return radiance(gpu, picture).map(Some) };
+        let (light, picture, part) = match &mut self.state {
+            State::Pipelines(thread) => {
+                if thread.is_finished() {
+                    std::mem::take(thread).join()?;
+                    let (engine, world) = (now.engine, now.engine.world());
+                    let light = Light::new(gpu, engine.scene(), world, &self.settings, 1)?;
+                    let picture = Picture::new(gpu, world, &light, self.size)?;
+                    self.state = State::Draws(Box::new((light, picture)), Part::Before);
+                }
+                return Ok(None);
+            }
+            State::Reads(thread) => {
+                return if thread.is_finished() { std::mem::take(thread).join().map(Some) } else { Ok(None) };
+            }
+            State::Draws(made, part) => (&mut made.0, &mut made.1, part),
+        };
         let begin = Instant::now();
         let frame = gpu.frame(|cmd| {
             record_part(cmd, now.engine.world(), light, &mut [(now.view, picture)], &Look::default(), part);
@@ -178,10 +208,15 @@ impl BruteForce {
         let mut first = 0;
         if let Part::Blocks(drawn) = part {
             let faster = PART.as_secs_f64() / begin.elapsed().as_secs_f64().max(1e-4);
-            *count = ((f64::from(*count) * faster.clamp(0.25, 4.0)) as u32).max(1);
+            self.blocks = ((f64::from(self.blocks) * faster.clamp(0.25, 4.0)) as u32).max(1);
             first = drawn.end;
         }
-        *next = (first < blocks(picture.size())).then(|| Part::Blocks(first..first.saturating_add(*count)));
+        if first < blocks(self.size) {
+            *part = Part::Blocks(first..first.saturating_add(self.blocks));
+        } else {
+            let wait = read(gpu, picture, Values::Radiance)?;
+            self.state = State::Reads(Thread::start(wait));
+        }
         Ok(None)
     }
 }

@@ -141,7 +141,7 @@ impl Side {
 
     /// Whether each frame advances the reference.
     pub(super) fn hurries(&self) -> bool {
-        self.brute_force.is_some()
+        self.brute_force.as_ref().is_some_and(BruteForce::hurries)
     }
 
     /// A description of the side.
@@ -272,7 +272,7 @@ impl Side {
             }
             Source::BruteForce => {
                 let settings = key.settings.unwrap_or(*now.engine.settings());
-                self.brute_force = Some(BruteForce::new(gpu, now, &settings)?);
+                self.brute_force = Some(BruteForce::new(gpu, now, &settings, rest)?);
             }
             Source::PathTrace | Source::SameBounces => {
                 let settings = PathTraceSettings { spread: key.spread, ..settings };

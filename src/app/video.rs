@@ -45,9 +45,14 @@ impl Video {
         (self.next < self.count).then(|| f64::from(self.next) / self.fps)
     }
 
-    /// The file for the next frame.
-    pub(super) fn file(&self) -> PathBuf {
-        self.folder.join(format!("{:05}.png", self.next))
+    /// Index and file of the next frame.
+    pub(super) fn next(&self) -> (u32, PathBuf) {
+        (self.next, self.folder.join(format!("{:05}.png", self.next)))
+    }
+
+    /// Returns to a frame that was lost. It and the later ones are written again.
+    pub(super) fn return_to(&mut self, index: u32) {
+        self.next = self.next.min(index);
     }
 
     /// Advances to the next frame.

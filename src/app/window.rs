@@ -25,6 +25,7 @@ use anyhow::{Context, Result};
 use faults::Faults;
 use lightskin::frame::Picture;
 use lightskin::gpu::{Cmd, Gpu, Swapchain};
+use save::Writing;
 use spent::{FRAME, Spent};
 use std::path::PathBuf;
 use std::rc::Rc;
@@ -74,7 +75,7 @@ pub(super) struct Open {
     /// Copies and saves that wait for the next frame, so that earlier actions are in it.
     waiting: Vec<Wish>,
     /// Pictures that are being written.
-    writing: Vec<(PathBuf, JoinHandle<()>)>,
+    writing: Vec<Writing>,
     /// The desktop's file dialog, while it is open.
     dialog: Option<JoinHandle<Option<PathBuf>>>,
     closed: bool,
@@ -147,10 +148,9 @@ impl Open {
     }
 
     /// Closes the window. Fails if the validation layer or the barrier check has reported anything.
-    pub(super) fn close(self) -> Result<()> {
-        let Self { document, compare, canvas, swapchain, gpu, mut problems, writing, .. } = self;
-        // Finish writing the requested pictures.
-        writing.into_iter().for_each(|(_, thread)| drop(thread.join()));
+    pub(super) fn close(mut self) -> Result<()> {
+        self.finish_writing(true);
+        let Self { document, compare, canvas, swapchain, gpu, mut problems, .. } = self;
         problems.extend_from_slice(&compare.problems);
         drop((document, compare, canvas, swapchain));
         gpu.wait()?;
@@ -311,6 +311,7 @@ impl Open {
         if self.document.engine.is_some() {
             self.faults.frame(&self.gpu);
         }
+        self.finish_writing(false);
         self.document.watch();
         self.input.fly(past, &mut self.document);
         if self.document.clip.playing {
@@ -355,13 +356,15 @@ impl Open {
         }
         spent.on("edits");
         let size = self.fit_canvas(size)?;
+        spent.on("canvas");
         let scale = output.pixels_per_point;
         let pixel = |at: f32, most: u32| ((at * scale).round().max(0.0) as u32).min(most);
         let corner = [pixel(left_over.min.x, size[0]), pixel(left_over.min.y, size[1])];
         let far = [pixel(left_over.max.x, size[0]), pixel(left_over.max.y, size[1])];
         self.place = (corner, [0, 1].map(|i| far[i].saturating_sub(corner[i])));
 
-        // After all that reads the picture of the last frame: a new scene has a new one.
+        // After all that reads the picture of the last frame: a new scene has a new one, which is made in its upload.
+        self.document.asked = self.place.1;
         let worked = self.document.progress().is_some();
         if self.document.poll(&self.gpu)?
             && let Some(scene) = self.document.scene()
@@ -371,9 +374,11 @@ impl Open {
         if worked && self.document.progress().is_none() {
             self.redraw(); // with new panels
         }
+        spent.on("upload");
         self.fit_picture()?;
+        spent.on("light");
         self.fit_insets()?;
-        spent.on("making");
+        spent.on("insets");
         let primitives = context.tessellate(output.shapes, scale);
         self.canvas.take(&self.gpu, &primitives, scale)?;
         spent.on("triangles");
@@ -425,8 +430,8 @@ impl Open {
         while let (false, Some(wish)) = (self.document.is_behind(), self.waiting.first()) {
             let done = match wish {
                 Wish::Copy => self.copy_command(),
-                Wish::SaveLayers => self.save("exr"),
-                _ => self.save("png"),
+                Wish::SaveLayers => self.save(Wish::SaveLayers),
+                _ => self.save(Wish::Save),
             };
             match done {
                 // It is done on the next device.
@@ -452,7 +457,8 @@ impl Open {
         let works = self.dialog.is_some()
             || self.document.progress().is_some()
             || self.compare.works()
-            || self.document.video.is_some();
+            || self.document.video.is_some()
+            || !self.writing.is_empty();
         let moves = self.document.clip.playing || self.input.flies() || filmed;
         let wait = match (moves, works || !seen) {
             (true, _) => Some(Duration::ZERO),

@@ -5,7 +5,7 @@ use clap::ValueEnum;
 use glam::{DVec3, Vec4};
 use lightskin::frame::edges::{Edges, Shown};
 use lightskin::frame::{Antialiasing, Behind, Picture, Tonemap, View};
-use lightskin::gpu::{Gpu, Image};
+use lightskin::gpu::{Cmd, Gpu, Readback};
 use lightskin::image::{Layer, broken_values, write_exr, write_png};
 use lightskin::reference::tonemap;
 use std::path::Path;
@@ -243,7 +243,7 @@ impl Writing {
     /// Writes the picture of the last frame. Returns the number of radiance values that are negative or not finite.
     /// `about` is the description stored in an EXR file.
     pub(super) fn write(&self, gpu: &Gpu, picture: &Picture, view: &View, about: &str, out: &Path) -> Result<usize> {
-        self.write_read(Read::of(gpu, picture, view, self.needs_all(out))?, about, out)
+        self.write_read(Read::begin(gpu, picture, view, self.needs_all(out))?()?, about, out)
     }
 
     /// Whether this file needs more than the picture and its radiance.
@@ -296,40 +296,76 @@ struct ReadEdges {
     codes: Vec<u32>,
 }
 
-impl Read {
-    /// Reads a picture back, with all layers or only with its displayed pixels and radiance. Waits for the device.
-    pub(super) fn of(gpu: &Gpu, picture: &Picture, view: &View, all: bool) -> Result<Self> {
-        let (surface, indirect) = (&picture.surface, picture.indirect.as_ref());
-        let optional = |image: Option<&Image>| -> Result<Vec<[f32; 4]>> {
-            Ok(image.map(|image| gpu.read_image(image)).transpose()?.unwrap_or_default())
+impl Rest {
+    /// As `Read::begin`.
+    fn begin(
+        cmd: &Cmd<'_>,
+        picture: &Picture,
+    ) -> lightskin::Result<impl FnOnce() -> lightskin::Result<Self> + Send + use<>> {
+        let surface = &picture.surface;
+        let (albedo, normal, depth) =
+            (cmd.read_image(&surface.albedo)?, cmd.read_image(&surface.normal)?, cmd.read_image(&surface.depth)?);
+        let edges = match &picture.edges {
+            Some(edges) => Some((
+                edges.antialiasing,
+                cmd.read_image(&edges.before)?,
+                cmd.read_image(&edges.surface.radiance)?,
+                cmd.read_image(&edges.surface.depth)?,
+                cmd.read_image(&edges.codes)?,
+            )),
+            None => None,
         };
-        let edges = |edges: &Edges| -> Result<ReadEdges> {
-            Ok(ReadEdges {
-                antialiasing: edges.antialiasing,
-                before: gpu.read_image(&edges.before)?,
-                second: gpu.read_image(&edges.surface.radiance)?,
-                second_depth: gpu.read_image(&edges.surface.depth)?,
-                codes: gpu.read_image(&edges.codes)?,
-            })
-        };
-        let rest = || -> Result<Rest> {
-            Ok(Rest {
-                albedo: gpu.read_image(&surface.albedo)?,
-                normal: gpu.read_image(&surface.normal)?,
-                depth: gpu.read_image(&surface.depth)?,
-                edges: picture.edges.as_ref().map(edges).transpose()?,
-            })
-        };
-        Ok(Self {
-            size: picture.size(),
-            view: *view,
-            ev: exposure_value(gpu, picture)?,
-            shown: if all { Vec::new() } else { gpu.read_image(&picture.output.picture)? },
-            direct: gpu.read_image(&surface.radiance)?,
-            diffuse: optional(indirect.map(|i| &i.diffuse))?,
-            glossy: optional(indirect.and_then(|i| i.glossy.as_ref()))?,
-            rest: all.then(rest).transpose()?,
+        Ok(move || {
+            let (albedo, normal, depth) = (albedo.take()?, normal.take()?, depth.take()?);
+            let edges = match edges {
+                Some((antialiasing, before, second, second_depth, codes)) => Some(ReadEdges {
+                    antialiasing,
+                    before: before.take()?,
+                    second: second.take()?,
+                    second_depth: second_depth.take()?,
+                    codes: codes.take()?,
+                }),
+                None => None,
+            };
+            Ok(Self { albedo, normal, depth, edges })
         })
+    }
+}
+
+impl Read {
+    /// Begins to read a picture back, with all layers or only with its displayed pixels and radiance. The result waits
+    /// for the device, on any thread.
+    pub(super) fn begin(
+        gpu: &Gpu,
+        picture: &Picture,
+        view: &View,
+        all: bool,
+    ) -> Result<impl FnOnce() -> Result<Self> + Send + use<>> {
+        let (surface, indirect) = (&picture.surface, picture.indirect.as_ref());
+        let (size, view) = (picture.size(), *view);
+        Ok(gpu.begin("readback", |cmd| {
+            let glossy = indirect.and_then(|i| i.glossy.as_ref());
+            let optional = [indirect.map(|i| &i.diffuse), glossy].map(|image| image.map(|i| cmd.read_image(i)));
+            let [diffuse, glossy] = optional.map(Option::transpose);
+            let (diffuse, glossy) = (diffuse?, glossy?);
+            let ev = cmd.read_buffer(&picture.output.exposure)?;
+            let shown = if all { None } else { Some(cmd.read_image(&picture.output.picture)?) };
+            let direct = cmd.read_image(&surface.radiance)?;
+            let rest = if all { Some(Rest::begin(cmd, picture)?) } else { None };
+            Ok(move || {
+                let or_none = |layer: Option<Readback<[f32; 4]>>| layer.map_or(Ok(Vec::new()), Readback::take);
+                Ok(Self {
+                    size,
+                    view,
+                    ev: ev.take()?[0],
+                    shown: shown.map_or(Ok(Vec::new()), Readback::take)?,
+                    direct: direct.take()?,
+                    diffuse: or_none(diffuse)?,
+                    glossy: or_none(glossy)?,
+                    rest: rest.map(|rest| rest()).transpose()?,
+                })
+            })
+        })?)
     }
 
     /// Converts to the layers of files.

@@ -390,22 +390,22 @@ fn shadow_word(shadows: Shadows) -> String {
     ShadowsArg::of(shadows)
 }
 
-/// A picture that was read back from the device, ready to be written as OpenEXR with all layers or as PNG.
+/// A picture that is being read back from the device, to be written as OpenEXR with all layers or as PNG.
 pub(crate) struct Taken {
     writing: Writing,
-    read: Read,
+    read: Box<dyn FnOnce() -> Result<Read> + Send>,
 }
 
 impl Taken {
-    /// Reads back the picture of the last frame. The ending of `path` decides which layers are read.
-    pub(crate) fn of(gpu: &Gpu, picture: &Picture, view: &FrameView, look: &Look, path: &Path) -> Result<Self> {
+    /// Begins to read back the picture of the last frame. The ending of `path` decides which layers are read.
+    pub(crate) fn begin(gpu: &Gpu, picture: &Picture, view: &FrameView, look: &Look, path: &Path) -> Result<Self> {
         let writing = Writing { layer: None, tonemap: TonemapArg::of(look.tonemap), behind: look.behind };
-        Ok(Self { writing, read: Read::of(gpu, picture, view, writing.needs_all(path))? })
+        Ok(Self { writing, read: Box::new(Read::begin(gpu, picture, view, writing.needs_all(path))?) })
     }
 
-    /// Writes the picture. `about` is the description stored in an EXR file.
+    /// Waits for the picture and writes it. `about` is the description stored in an EXR file.
     pub(crate) fn write(self, about: &str, path: &Path) -> Result<()> {
-        match self.writing.write_read(self.read, about, path)? {
+        match self.writing.write_read((self.read)()?, about, path)? {
             0 => Ok(()),
             broken => bail!("{broken} values of the picture are negative or not finite; this is a bug of lightskin"),
         }

@@ -3,7 +3,7 @@
 use super::device::Shared;
 use super::graveyard::Remains;
 use super::registry::ResourceKind;
-use super::{Device, Gpu, vulkan};
+use super::{Device, vulkan};
 use crate::error::Result;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -125,18 +125,6 @@ impl Device {
     }
 }
 
-impl Gpu {
-    /// Reads a whole buffer back; waits for the device.
-    ///
-    /// # Errors
-    /// Fails if the device is lost, or there is no memory to read into.
-    pub fn read<T: bytemuck::Pod>(&self, buffer: &Buffer) -> Result<Vec<T>> {
-        let mut back = self.readback_buffer("readback", buffer.held)?;
-        self.run_once("readback", |cmd| cmd.copy_buffer(buffer, &back, buffer.held))?;
-        Ok(bytemuck::pod_collect_to_vec(back.bytes()))
-    }
-}
-
 impl Shared {
     /// A buffer with its memory, which the caller destroys.
     pub(super) fn raw_buffer(
@@ -200,6 +188,16 @@ impl Buffer {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let all = self.allocation.as_mut().and_then(Allocation::mapped_slice_mut).expect("host-visible memory");
         all[..self.held as usize][offset as usize..][..bytes.len()].copy_from_slice(bytes);
+    }
+
+    /// Waits until no submission uses the buffer.
+    ///
+    /// # Panics
+    /// Panics if commands that use it were not submitted.
+    pub(super) fn wait(&self) -> Result<()> {
+        let used = self.used.load(Ordering::Relaxed);
+        assert!(used <= self.shared.submitted.load(Ordering::SeqCst), "{}: its commands were not submitted", self.name);
+        self.shared.wait_for(used)
     }
 
     /// Marks the buffer as used by the submission being recorded.

@@ -223,15 +223,32 @@ impl Gpu {
         Ok(())
     }
 
-    /// Records, submits and waits: for uploads and read-back outside the frame loop. Has no times.
+    /// Records, submits and waits: for work outside the frame loop. Has no times.
     ///
     /// # Errors
     /// Fails if the device is lost.
     pub fn run_once(&self, name: &'static str, record: impl FnOnce(&Cmd<'_>)) -> Result<()> {
+        let (value, ()) = self.submit_copies(name, |cmd| {
+            record(cmd);
+            Ok(())
+        })?;
+        self.shared.wait_for(value)
+    }
+
+    /// Records and submits copies to the CPU, without waiting for them: `record` returns them. Has no times.
+    ///
+    /// # Errors
+    /// Fails if the device is lost, or there is no memory for the copies.
+    pub fn begin<T>(&self, name: &'static str, record: impl FnOnce(&Cmd<'_>) -> Result<T>) -> Result<T> {
+        self.submit_copies(name, record).map(|(_, copies)| copies)
+    }
+
+    fn submit_copies<T>(&self, name: &'static str, record: impl FnOnce(&Cmd<'_>) -> Result<T>) -> Result<(u64, T)> {
         self.shared.check_lost(Call::Copy).map_err(vulkan(name))?;
+        let mut copies = None;
         let frame = self.submit(false, |cmd| {
             cmd.zone.set(name);
-            record(cmd);
+            copies = Some(record(cmd)?);
             // Makes copied data visible to the CPU.
             let ((src_stage, src_access), (dst_stage, dst_access)) = (Use::CopyWrite.masks(), Use::HostRead.masks());
             let barriers = [vk::MemoryBarrier2::default()
@@ -242,7 +259,7 @@ impl Gpu {
             cmd.pipeline_barrier(&vk::DependencyInfo::default().memory_barriers(&barriers));
             Ok(())
         })?;
-        self.shared.wait_for(frame.value)
+        Ok((frame.value, copies.expect("recorded")))
     }
 }
 

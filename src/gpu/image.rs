@@ -3,7 +3,7 @@
 use super::device::Shared;
 use super::graveyard::Remains;
 use super::registry::ResourceKind;
-use super::{Device, Gpu, vulkan};
+use super::{Device, vulkan};
 use crate::error::{Error, Result};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -267,32 +267,6 @@ impl Device {
         self.shared.register(image.id, name, ResourceKind::Image, image.bytes());
         self.shared.freshly_made(handle, image.id, made.range());
         Ok(image)
-    }
-}
-
-impl Gpu {
-    /// Reads the largest mip level of an image back as tightly packed texels, layer after layer; waits for the device.
-    ///
-    /// # Errors
-    /// Fails if the device is lost, or there is no memory to read into.
-    pub fn read_image<T: bytemuck::Pod>(&self, image: &Image) -> Result<Vec<T>> {
-        let mut back = self.readback_buffer("readback", image.made.level_bytes(0))?;
-        self.run_once("readback", |cmd| cmd.copy_image_to_buffer(image, &back))?;
-        Ok(bytemuck::pod_collect_to_vec(back.bytes()))
-    }
-
-    /// Reads one texel of the largest mip level back, by column and row, from the first layer if there are several;
-    /// waits for the device.
-    ///
-    /// # Errors
-    /// Fails if the device is lost, or there is no memory to read into.
-    ///
-    /// # Panics
-    /// Panics if the image has no such texel, or its texels are larger than `T`.
-    pub fn read_texel<T: bytemuck::Pod>(&self, image: &Image, at: [u32; 2]) -> Result<T> {
-        let mut back = self.readback_buffer("readback", size_of::<T>() as u64)?;
-        self.run_once("readback", |cmd| cmd.copy_texel_to_buffer(image, at, &back))?;
-        Ok(bytemuck::pod_read_unaligned(&back.bytes()[..size_of::<T>()]))
     }
 }
 

@@ -24,6 +24,7 @@ mod memory;
 mod missing;
 mod pipeline;
 mod raster;
+mod readback;
 mod recipe;
 mod reflect;
 mod registry;
@@ -54,6 +55,7 @@ pub use missing::Missing;
 pub use pipeline::Pipeline;
 pub(crate) use pipeline::shader;
 pub use raster::{Attribute, Blend, Cull, Depth, Raster, Shape, Stream};
+pub use readback::Readback;
 pub use registry::{Counters, ResourceInfo, ResourceKind};
 #[cfg(feature = "glsl")]
 pub use reload::ShaderFolder;

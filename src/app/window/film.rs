@@ -1,5 +1,6 @@
 //! Videos: an animation is drawn picture by picture, and each is written to a file.
 
+use super::save::Of;
 use super::{Open, lost};
 use crate::app::video::Video;
 use crate::cli::view::print;
@@ -29,8 +30,8 @@ impl Open {
 
     /// Writes the video frame that was just drawn, if any, and ends a complete video. Fails only if the device is lost.
     pub(super) fn film_frame(&mut self, drawn: bool) -> Result<()> {
-        let file = self.document.video.as_ref().filter(|_| drawn && !self.document.is_behind()).map(Video::file);
-        match file.map(|file| self.write(file, false)) {
+        let next = self.document.video.as_ref().filter(|_| drawn && !self.document.is_behind()).map(Video::next);
+        match next.map(|(index, file)| self.write(file, Of::Frame(index))) {
             Some(Err(error)) if lost::is_loss(&error) => return Err(error),
             Some(Err(error)) => {
                 log::error!("{error:#}; the video is stopped");
@@ -39,7 +40,7 @@ impl Open {
             Some(Ok(())) => self.document.video.iter_mut().for_each(Video::advance),
             None => {}
         }
-        let written = self.writing.iter().all(|(_, thread)| thread.is_finished());
+        let written = self.writing.is_empty();
         if let Some(video) = self.document.video.take_if(|video| video.moment().is_none() && written) {
             print(&format!("video     {}: {} pictures", video.folder.display(), video.count));
             log::warn!("wrote {}", video.folder.display());

@@ -23,7 +23,7 @@ impl Open {
 
     /// Fits the picture to its place. Without memory the picture keeps its size.
     pub(super) fn fit_picture(&mut self) -> Result<()> {
-        if !self.document.fit(&self.gpu, self.place.1)? {
+        if !self.document.fit(&self.gpu)? {
             self.resize_back();
         }
         let size = self.document.picture.as_ref().map(Picture::size);

@@ -40,8 +40,7 @@ impl Open {
     /// Fails if the last loss is less than a minute ago, or no device can take over.
     pub(in crate::app) fn recover(mut self, error: &Error) -> Result<Self> {
         let what = operation(error).unwrap_or_default();
-        // Finish writing the requested pictures, even if the run ends.
-        self.writing.drain(..).for_each(|(_, thread)| drop(thread.join()));
+        self.finish_writing(true); // even if the run ends
         if self.lost.is_some_and(|last| last.elapsed() < APART) {
             bail!(
                 "the device was lost twice within a minute, now at: {what}; update the driver or try another --device"
@@ -67,7 +66,7 @@ impl Open {
     /// Fails if no device opens.
     #[cfg(feature = "glsl")]
     pub(in crate::app) fn with_new_shaders(mut self) -> Result<Self> {
-        self.writing.drain(..).for_each(|(_, thread)| drop(thread.join()));
+        self.finish_writing(true);
         let open = self.on_new_device().context("the changed shaders")?;
         open.redraw();
         Ok(open)
