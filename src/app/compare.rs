@@ -66,10 +66,13 @@ pub(super) struct Now<'a> {
 /// Identifies a measurement: the numbers of lightskin's picture and of both references, and the map.
 pub(super) type Measured = (u64, [u64; 2], Map);
 
+/// Both sides, and their size.
+type Sides = ([Pixels; 2], [u32; 2]);
+
 /// The thread of a measurement.
 enum Measuring {
-    /// Reads lightskin's picture back. Returns both sides, and their size.
-    Reads(Thread<([Pixels; 2], [u32; 2])>),
+    /// Reads lightskin's picture back.
+    Reads(Thread<Sides>),
     /// Returns the errors, and the map as RGBA.
     Compares(JoinHandle<(Errors, Vec<u8>)>),
 }
@@ -259,11 +262,7 @@ impl Compare {
     }
 
     /// Begins to read both sides. The result waits for the device.
-    fn read(
-        &self,
-        gpu: &Gpu,
-        now: &Now<'_>,
-    ) -> Result<impl FnOnce() -> Result<([Pixels; 2], [u32; 2])> + Send + use<>> {
+    fn read(&self, gpu: &Gpu, now: &Now<'_>) -> Result<impl FnOnce() -> Result<Sides> + Send + use<>> {
         let (values, curve, size) = (self.values(), now.look.tonemap, now.picture.size());
         let references = self.sides.each_ref().map(|side| side.reference());
         let ours = references.iter().any(Option::is_none).then(|| read(gpu, now.picture, values)).transpose()?;

@@ -23,7 +23,7 @@ pub fn measure(gpu: &Gpu) -> Result<f64> {
     loop {
         let results = gpu.buffer("peak.results", 4 * u64::from(count))?;
         let run = || -> Result<f64> {
-            let drawn = gpu.frame(|cmd| {
+            let drawn = gpu.timed_frame(|cmd| {
                 let _zone = cmd.zone("peak");
                 cmd.bind(&pipeline, &[(&results).into()]);
                 cmd.dispatch(count, 1, 1);
