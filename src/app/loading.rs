@@ -34,6 +34,8 @@ pub(super) struct Loading {
     refused: Option<u64>,
     /// Uploads whose results are no longer wanted. They cannot be stopped.
     replaced: Vec<Thread<Uploaded>>,
+    /// Threads that drop scenes or write the list of recent scenes. Either can take longer than a frame.
+    aside: Vec<Thread<()>>,
 }
 
 /// A scene that is being loaded, rebaked or uploaded.
@@ -79,6 +81,16 @@ impl Loading {
     /// Whether a scene is being loaded.
     pub(super) fn works(&self) -> bool {
         self.job.is_some()
+    }
+
+    /// Does work on a thread that nobody waits for, until the device is closed.
+    fn put_aside(&mut self, work: impl FnOnce() + Send + 'static) {
+        self.aside.retain(|thread| !thread.is_finished());
+        let work = move || {
+            work();
+            Ok(())
+        };
+        self.aside.push(Thread::start(work));
     }
 
     /// Replaces the job. Returns the old one; its upload, if it has begun, ends for nothing.
@@ -137,6 +149,7 @@ impl Document {
         }
         (self.loading.again, self.loading.pipelines, self.loading.made_for) = (None, None, None);
         self.loading.replaced.clear();
+        self.loading.aside.clear();
     }
 
     /// The arguments of the scene that is being loaded, or of the present one.
@@ -168,7 +181,10 @@ impl Document {
     /// Fails if the first scene does not load, because there is nothing to show. Also fails if the device is lost; then
     /// the job starts again.
     pub(super) fn poll(&mut self, gpu: &Gpu) -> Result<bool> {
-        self.loading.replaced.retain(|thread| !thread.is_finished());
+        let replaced: Vec<_> = self.loading.replaced.extract_if(.., |thread| thread.is_finished()).collect();
+        if !replaced.is_empty() {
+            self.loading.put_aside(|| drop(replaced));
+        }
         if let Some(thread) = self.loading.again.take_if(|thread| thread.is_finished()) {
             match thread.join().and_then(|uploaded| self.take_again(gpu, uploaded)) {
                 Err(error) if lost::is_loss(&error) => return Err(error),
@@ -316,10 +332,20 @@ impl Document {
     /// follows.
     fn take_again(&mut self, gpu: &Gpu, Uploaded { mut engine, picture, fitted }: Uploaded) -> Result<()> {
         // What needed the upload may have been undone.
-        let (true, Some(old)) = (self.needs_upload(), &self.engine) else { return Ok(()) };
+        let (true, Some(old)) = (self.needs_upload(), &self.engine) else {
+            self.loading.put_aside(|| drop((engine, picture)));
+            return Ok(());
+        };
         engine.show(gpu, old.scene().clone())?;
-        (self.engine, self.picture, self.fitted, self.refused) = (Some(engine), picture, fitted, None);
+        self.replace(engine, picture, fitted);
         Ok(())
+    }
+
+    /// Replaces the scene on the device.
+    fn replace(&mut self, engine: Engine, picture: Option<Picture>, fitted: Settings) {
+        let old = (self.engine.replace(engine), std::mem::replace(&mut self.picture, picture));
+        self.loading.put_aside(|| drop(old));
+        (self.fitted, self.refused) = (fitted, None);
     }
 
     /// Shows a scene that is on the device.
@@ -340,8 +366,7 @@ impl Document {
         }
         let same = anew && self.shows(args);
         let settings = if keeps_settings { self.settings } else { fitted };
-        (self.engine, self.fitted, self.refused) = (Some(engine), fitted, None);
-        self.picture = picture;
+        self.replace(engine, picture, fitted);
         self.changes += 1;
         // The upload that it needs follows.
         self.loading.replaced.extend(self.loading.again.take());
@@ -391,8 +416,8 @@ impl Document {
         if self.clip.animation.is_some() {
             self.pose(gpu);
         }
-        if let Some(path) = self.args.scene.as_deref().filter(|_| anew) {
-            recent::add(path);
+        if let Some(path) = self.args.scene.clone().filter(|_| anew) {
+            self.loading.put_aside(move || recent::add(&path));
         }
         Ok(())
     }
