@@ -14,7 +14,7 @@ use crate::cli::view::{View as Args, print};
 use anyhow::Result;
 use lightskin::frame::engine::{Loaded, Progress};
 use lightskin::frame::{Engine, Picture, Settings};
-use lightskin::gpu::Gpu;
+use lightskin::gpu::{Gpu, trim_memory};
 use lightskin::scene::{Material, Scene};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -81,6 +81,14 @@ impl Loading {
     /// Whether a scene is being loaded.
     pub(super) fn works(&self) -> bool {
         self.job.is_some()
+    }
+
+    /// Drops scenes on a thread that nobody waits for.
+    fn drop_aside<T: Send + 'static>(&mut self, scenes: T) {
+        self.put_aside(|| {
+            drop(scenes);
+            trim_memory();
+        });
     }
 
     /// Does work on a thread that nobody waits for, until the device is closed.
@@ -183,7 +191,7 @@ impl Document {
     pub(super) fn poll(&mut self, gpu: &Gpu) -> Result<bool> {
         let replaced: Vec<_> = self.loading.replaced.extract_if(.., |thread| thread.is_finished()).collect();
         if !replaced.is_empty() {
-            self.loading.put_aside(|| drop(replaced));
+            self.loading.drop_aside(replaced);
         }
         if let Some(thread) = self.loading.again.take_if(|thread| thread.is_finished()) {
             match thread.join().and_then(|uploaded| self.take_again(gpu, uploaded)) {
@@ -333,7 +341,7 @@ impl Document {
     fn take_again(&mut self, gpu: &Gpu, Uploaded { mut engine, picture, fitted }: Uploaded) -> Result<()> {
         // What needed the upload may have been undone.
         let (true, Some(old)) = (self.needs_upload(), &self.engine) else {
-            self.loading.put_aside(|| drop((engine, picture)));
+            self.loading.drop_aside((engine, picture));
             return Ok(());
         };
         engine.show(gpu, old.scene().clone())?;
@@ -344,7 +352,7 @@ impl Document {
     /// Replaces the scene on the device.
     fn replace(&mut self, engine: Engine, picture: Option<Picture>, fitted: Settings) {
         let old = (self.engine.replace(engine), std::mem::replace(&mut self.picture, picture));
-        self.loading.put_aside(|| drop(old));
+        self.loading.drop_aside(old);
         (self.fitted, self.refused) = (fitted, None);
     }
 

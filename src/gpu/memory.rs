@@ -82,3 +82,14 @@ pub fn give_memory_back() {
         unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, SMALLEST) };
     }
 }
+
+/// Makes the C library return free pages to the system, of all threads. Takes tens of ms, so it is meant for a thread that
+/// has freed much and that nobody waits for. Only has an effect with glibc.
+#[cfg(feature = "app")]
+pub fn trim_memory() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    // SAFETY: the allocator does its own locking.
+    unsafe {
+        libc::malloc_trim(0);
+    }
+}

@@ -50,7 +50,7 @@ pub use hazards::Use;
 pub use image::{Extent, Image, ImageDesc};
 pub use instance::{DeviceReport, Needs, Validation, devices};
 #[cfg(feature = "app")]
-pub use memory::give_memory_back;
+pub use memory::{give_memory_back, trim_memory};
 pub use missing::Missing;
 pub use pipeline::Pipeline;
 pub(crate) use pipeline::shader;
