@@ -1,4 +1,5 @@
-//! Background work: one thread at a time, which pauses while the user moves something.
+//! Background work: one thread at a time, which pauses while the user moves something; and threads that must end before the
+//! device closes.
 
 use anyhow::{Result, anyhow};
 use std::sync::Arc;

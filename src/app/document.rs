@@ -279,9 +279,9 @@ impl Document {
         self.lights = lights;
     }
 
-    /// Adapts light and picture to the requested settings and the size `asked`. What the device cannot handle is logged: the picture
-    /// keeps its size, or else the previous settings are restored. Returns false when a size is refused, not again while
-    /// it stays.
+    /// Adapts light and picture to the requested settings and the size `asked`. What the device cannot handle is logged:
+    /// the picture keeps its size, or else the previous settings are restored. Returns false when a size is refused, not
+    /// again while it stays.
     ///
     /// # Errors
     /// Fails if the device is lost, or nothing can be shown.

@@ -193,7 +193,7 @@ impl Buffer {
     /// Waits until no submission uses the buffer.
     ///
     /// # Panics
-    /// Panics if commands that use it were not submitted.
+    /// Panics before commands that use it are submitted.
     pub(super) fn wait(&self) -> Result<()> {
         let used = self.used.load(Ordering::Relaxed);
         assert!(used <= self.shared.submitted.load(Ordering::SeqCst), "{}: its commands were not submitted", self.name);

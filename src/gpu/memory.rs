@@ -83,8 +83,8 @@ pub fn give_memory_back() {
     }
 }
 
-/// Makes the C library return free pages to the system, of all threads. Takes tens of ms, so it is meant for a thread that
-/// has freed much and that nobody waits for. Only has an effect with glibc.
+/// Makes the C library return the free pages of all threads to the system. Meant for a thread that has freed much and that
+/// nobody waits for. Only has an effect with glibc.
 #[cfg(feature = "app")]
 pub fn trim_memory() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]

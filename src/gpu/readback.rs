@@ -18,7 +18,7 @@ impl<T: Pod> Readback<T> {
     /// Fails if the device is lost.
     ///
     /// # Panics
-    /// Panics if the commands that make it were not submitted.
+    /// Panics before the commands that make it are submitted.
     pub fn take(mut self) -> Result<Vec<T>> {
         self.buffer.wait()?;
         Ok(bytemuck::pod_collect_to_vec(self.buffer.bytes()))
