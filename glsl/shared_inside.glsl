@@ -13,13 +13,13 @@ const uint HOLLOW = 0xffffffffu;
 
 // A part of an instance filled by one medium: parameters of the dipole model, by channel.
 struct Filled {
-    vec3 z_r; // depth of the real source [m]
+    vec3 near; // distance of the near source from the surface [m]
     float entering; // share of uniform light that enters
-    vec3 z_v; // height of the virtual source [m]
+    vec3 far; // distance of the far source
     float ior;
     vec3 sigma_tr; // effective extinction [1/m]
-    vec3 of_real; // weight of the real source, as a share of the entering light, before the distance terms
-    vec3 of_virtual;
+    vec3 of_near; // integral of the near source over the plane: a share of the entering light
+    vec3 of_far;
 };
 
 // A cache on a filled part.

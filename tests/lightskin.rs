@@ -64,6 +64,7 @@ mod layout;
 mod lifetimes;
 mod light_rays;
 mod malformed;
+mod media;
 mod moving;
 mod near;
 mod nets;

@@ -16,19 +16,18 @@ float dipole_weight(float d, float d_max) {
     return max(1.0 - d / d_max, 1e-6);
 }
 
-// One source of each channel's dipole: its part of R_d [1/m^2] at the squared lateral distance `r2`. `z` is its depth
-// below or height above the surface, `widest` the minimal depth for the size of its texel. (5.83), without its first
-// 1/sigma_t'.
+// One source of each channel's dipole: its part of R_d [1/m^2] at the squared lateral distance `r2`. `z` is its distance
+// from the surface, `widest` the minimal distance for the size of its texel. The form of (5.83).
 vec3 dipole_source(vec3 r2, vec3 z, vec3 sigma_tr, vec3 of_source, vec3 widest) {
     vec3 deep = max(z, widest);
     vec3 decay = min(sigma_tr, max(sigma_tr * z, vec3(1.0)) / deep);
     vec3 d = sqrt(r2 + deep * deep);
-    return of_source * deep * (1.0 + decay * d) * exp(-decay * (d - deep)) / (4.0 * PI * d * d * d);
+    return of_source * deep * (1.0 + decay * d) * exp(-decay * (d - deep)) / (2.0 * PI * d * d * d);
 }
 
 // Diffuse reflectance R_d [1/m^2] by channel.
 vec3 diffuse_reflectance(Filled f, vec3 r2, vec3 widest) {
-    return dipole_source(r2, f.z_r, f.sigma_tr, f.of_real, widest) + dipole_source(r2, f.z_v, f.sigma_tr, f.of_virtual, widest);
+    return dipole_source(r2, f.near, f.sigma_tr, f.of_near, widest) + dipole_source(r2, f.far, f.sigma_tr, f.of_far, widest);
 }
 
 // Minimal depth of dipole sources for texels of this area [m].

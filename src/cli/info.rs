@@ -182,8 +182,9 @@ fn say_media(scene: &Scene) {
     for (index, material) in scene.materials.iter().enumerate() {
         let Some(inside) = material.subsurface else { continue };
         let medium = inside.medium();
+        let path = medium.extinction.recip();
         let millimetres = |v: DVec3| format!("{:.4} {:.4} {:.4} mm", 1e3 * v.x, 1e3 * v.y, 1e3 * v.z);
-        say!("  inside '{}': mean free path {}, albedo {:.4}", material.name, millimetres(medium.z_r), medium.albedo);
+        say!("  inside '{}': mean free path {}, albedo {:.4}", material.name, millimetres(path), medium.albedo);
         let is_filled = |instance: &&Instance| {
             scene.meshes[instance.mesh].primitives.iter().any(|primitive| primitive.material == index)
         };
@@ -195,10 +196,10 @@ fn say_media(scene: &Scene) {
         };
         let smallest = scene.instances.iter().filter(is_filled).map(size).fold(f64::INFINITY, f64::min);
         if smallest.is_finite() {
-            let share = 100.0 * medium.z_r / smallest;
+            let share = 100.0 * path / smallest;
             say!("    {:.3} {:.3} {:.3} % of the smallest model, {smallest:.4} m", share.x, share.y, share.z);
         }
-        if medium.z_r.max_element() > 0.5 * smallest {
+        if path.max_element() > 0.5 * smallest {
             say!("    warning: light crosses the model with little scattering; the diffusion model is not valid");
         }
         if medium.albedo.min_element() < LEAST_ALBEDO {

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use crate::scene::medium::{Medium, fresnel, source};
+use crate::scene::medium::{Medium, fresnel};
 pub use crate::scene::medium::{diffuse_reflectance, widest};
 
 /// Light that entered a body through one texel of an RSM or around one cache.
@@ -70,8 +70,7 @@ pub fn gather(medium: &Medium, cache: DVec3, vals: &[InnerVal], bodies: &[(DVec3
 fn spread(medium: &Medium, channel: usize, r2: f64, variance: f64, wide: f64) -> f64 {
     // Spread light acts at its root mean square distance and is as wide.
     let wide = (wide * wide + 0.5 * variance).sqrt();
-    let at = |z: f64| source(r2.sqrt(), z, medium.sigma_tr[channel], wide);
-    medium.share[channel] * (at(medium.z_r[channel]) + at(medium.z_v[channel]))
+    diffuse_reflectance(medium, r2.sqrt(), wide)[channel]
 }
 
 /// Irradiance from below \[lx\] at a point from the proxies of the caches around it, with positions \[m\] and weights:

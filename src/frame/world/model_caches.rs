@@ -8,6 +8,7 @@ use glam::{DMat3, DVec3, Vec2, Vec3, Vec4};
 
 /// The surface that a cache lies on.
 pub(super) struct CacheSurface {
+    pub(super) triangle: usize,
     pub(super) material: usize,
     uv: [Vec2; 2],
 }
@@ -22,7 +23,8 @@ impl CacheSurface {
             let [v, w] = cache.barycentric;
             let u = 1.0 - v - w;
             let uv = [u * a.uv0 + v * b.uv0 + w * c.uv0, u * a.uv1 + v * b.uv1 + w * c.uv1];
-            Self { material: materials[cache.triangle as usize], uv }
+            let triangle = cache.triangle as usize;
+            Self { triangle, material: materials[triangle], uv }
         };
         model.caches.iter().map(surface).collect()
     }
