@@ -206,8 +206,8 @@ void main() {
     emitted *= 1.0 - over.coat;
     out_coat = pack_coat(coat);
 #endif
-    if (INSIDE != 0u && m.is_filled != 0u) {
-        r.diffuse = vec3(0.0);
+    if (INSIDE != 0u && m.inside.x >= 0.0) {
+        r.diffuse = m.inside;
     }
     vec2 packed_normal = octahedral_encode(geometric);
     out_normal = vec4(n, r.coded);

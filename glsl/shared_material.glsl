@@ -43,7 +43,7 @@ struct Material {
     float coat_roughness;
     vec3 sheen_color;
     float sheen_roughness;
-    uint is_filled; // 1: light that is not reflected enters the body
+    vec3 inside; // reflectance by light that leaves a filled body close to where it entered; negative where no medium fills it
 };
 
 // Lookup of one texture of a material.

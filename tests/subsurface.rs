@@ -127,7 +127,9 @@ struct Drawn {
 fn drawn(scene: &Scene, spacing: f64, knobs: &Knobs) -> Drawn {
     let gpu = gpu();
     let caches = baked(scene, spacing, 8);
-    let world = World::new(&gpu, scene, Some(&caches)).expect("world");
+    // With caches, pixels themselves reflect what leaves close to where it entered. Brute force is exact.
+    let lit = (knobs.gi != Gi::BruteForce).then_some(&caches);
+    let world = World::new(&gpu, scene, lit).expect("world");
     let mut frame = Frame::new(&gpu, scene, &world, knobs).expect("made");
     let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
     let recorded = gpu.frame(|cmd| {
@@ -230,12 +232,13 @@ fn dipoles_of_caches_are_the_twins_and_no_more_leaves_than_entered() {
 fn pixels_are_what_brute_force_says() {
     let narrow = LightKind::Spot { inner: 0.02, outer: 0.04 };
     for (what, kind, path, bound) in
-        [("5 %, broad", wide(), 0.005, 0.01), ("1 %, broad", wide(), 0.001, 0.01), ("5 %, narrow", narrow, 0.005, 0.2)]
+        [("5 %, broad", wide(), 0.005, 0.01), ("1 %, broad", wide(), 0.001, 0.025), ("5 %, narrow", narrow, 0.005, 0.2)]
     {
         let inside = Subsurface::of_color(vec3(0.9, 0.7, 0.3), Vec3::splat(path), 1.4);
         let mut scene = ball(inside, kind);
         scene.instances.truncate(1);
-        let truth = drawn(&scene, 0.012, &Knobs { gi: Gi::BruteForce, ..knobs() }).radiance;
+        // Finer texels, since pixels see the light itself.
+        let truth = drawn(&scene, 0.012, &Knobs { gi: Gi::BruteForce, rsm: 160, ..knobs() }).radiance;
         let Drawn { radiance: picture, dipoles, .. } = drawn(&scene, 0.012, &knobs());
         let error = |picture: &[DVec3]| {
             let of = |p: &[DVec3]| p.iter().map(|p| p.as_vec3().to_array()).collect::<Vec<_>>();
@@ -369,10 +372,29 @@ fn double_sided_bodies_are_like_others() {
     assert!((ratio - 1.0).abs().max_element() < 0.02, "{ratio}");
 }
 
+/// With mean free paths far below the distance of caches, light leaves where it entered.
+#[test]
+fn bodies_of_short_paths_are_diffuse_surfaces() {
+    let picture = |is_filled: bool| {
+        let mut scene = ball(Subsurface::of_color(vec3(0.9, 0.7, 0.3), Vec3::splat(1e-7), 1.4), wide());
+        if !is_filled {
+            scene.materials[0].subsurface = None;
+        }
+        drawn(&scene, 0.03, &knobs()).radiance
+    };
+    let (filled, diffuse) = (picture(true), picture(false));
+    let apart: DVec3 = filled.iter().zip(&diffuse).map(|(a, b)| (*a - *b).abs()).sum();
+    let share = apart / diffuse.iter().copied().sum::<DVec3>();
+    // What enters does not depend on the direction of the light.
+    let entering = Subsurface::of_color(Vec3::ONE, Vec3::ONE, 1.4).medium().entering;
+    println!("difference from a diffuse surface: {share:.6}, of which {:.6} does not enter", 1.0 - entering);
+    assert!((share - DVec3::splat(1.0 - entering)).abs().max_element() < 0.02, "{share}");
+}
+
 /// Against random walks.
 #[test]
 fn pictures_are_near_the_path_tracers() {
-    for (path, bound) in [(0.0003, 0.08), (0.003, 0.08)] {
+    for (path, bound) in [(0.0003, 0.1), (0.003, 0.08)] {
         let mut scene = ball(Subsurface::of_color(vec3(0.9, 0.7, 0.3), Vec3::splat(path), 1.4), wide());
         scene.instances.truncate(1);
         let knobs = Knobs { rsm: 96, ..knobs() };

@@ -54,9 +54,12 @@ float dielectric_fresnel(float cosine, float ior) {
     return 0.5 * (s * s + p * p);
 }
 
+// Lower bound of the cosine with the viewer: a pixel of a silhouette covers such angles, and its normal may face away.
+const float LEAST_EXIT = 0.1;
+
 // Radiance that leaves the surface towards a viewer at this cosine, from the irradiance from below.
 vec3 leaving(Filled f, float cosine, vec3 irradiance) {
-    return irradiance * ((1.0 - dielectric_fresnel(max(cosine, 0.0), f.ior)) / (f.entering * PI));
+    return irradiance * ((1.0 - dielectric_fresnel(max(cosine, LEAST_EXIT), f.ior)) / (f.entering * PI));
 }
 
 // Weighted sums over caches, by channel.

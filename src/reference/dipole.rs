@@ -118,8 +118,11 @@ pub fn interpolate(medium: &Medium, x: DVec3, caches: &[(DVec3, f64, ProxyDipole
 /// Upper bound of a point's brightness relative to the mean of its caches, for light that falls between caches.
 pub const MOST_BRIGHTER: f64 = 64.0;
 
+/// Lower bound of the cosine with the viewer.
+const LEAST_EXIT: f64 = 0.1;
+
 /// Radiance [cd/m^2] towards a viewer at this cosine, from the irradiance from below. The total leaving flux equals
 /// that irradiance; Fresnel sets its distribution over directions.
 pub fn leaving(medium: &Medium, cosine: f64, irradiance: DVec3) -> DVec3 {
-    irradiance * ((1.0 - fresnel(cosine.max(0.0), medium.ior)) / (medium.entering * PI))
+    irradiance * ((1.0 - fresnel(cosine.max(LEAST_EXIT), medium.ior)) / (medium.entering * PI))
 }

@@ -205,6 +205,15 @@ impl Medium {
         made
     }
 
+    /// Share of the light that leaves a half space within a radius \[m\] of where it entered.
+    pub fn within(&self, radius: f64) -> DVec3 {
+        let of = |i: usize| {
+            let channel = Channel { strength: 1.0, ..self.of_channel(i, self.sigma_tr[i]) };
+            channel.within(radius) / channel.within(1e30).max(f64::MIN_POSITIVE)
+        };
+        DVec3::new(of(0), of(1), of(2))
+    }
+
     /// One channel with another `sigma_tr` [1/m].
     fn of_channel(&self, i: usize, sigma_tr: f64) -> Channel {
         Channel { sigma_tr, depths: self.depths.map(|z| z[i]), strength: self.strength[i] }
@@ -281,9 +290,10 @@ impl Distances {
 /// Largest factor on `R_d`, for bodies far smaller than a mean free path.
 const MOST_STRONGER: f64 = 1e3;
 
-/// One source of a dipole, `z` \[m\] below the surface: its part of `R_d` [1/m^2] at lateral distance `r`, of strength
-/// 1. Its integral over the plane is `e^(-sigma_tr z)`. Sources nearer to the surface than `widest` \[m\] are moved away from it, and their decay is
-/// limited accordingly, with the same integral over the plane. Texels larger than the mean free path then do not show.
+/// One source of a dipole, `z` \[m\] below the surface: its part of `R_d` [1/m^2] at lateral distance `r`, of strength one.
+/// Its integral over the plane is `e^(-sigma_tr z)`. Sources nearer to the surface than `widest` \[m\] are moved away from
+/// it, and their decay is limited accordingly, with the same integral. Texels larger than the mean free path then do not
+/// show.
 pub fn source(r: f64, z: f64, sigma_tr: f64, widest: f64) -> f64 {
     let deep = z.max(widest);
     let decay = sigma_tr.min((sigma_tr * z).max(1.0) / deep);

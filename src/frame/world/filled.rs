@@ -2,13 +2,15 @@
 
 use super::update::InstanceLayout;
 use super::{CacheSurface, DrawItem};
+use crate::bake::CacheSet;
 use crate::error::Result;
 use crate::gpu::{Buffer, Device};
 use crate::scene::medium::{Medium, SOURCES, Shape};
-use crate::scene::{Mesh, Scene};
+use crate::scene::{Material, Mesh, Scene};
 use crate::shared::{self, FilledCache, HOLLOW, ModelCache};
 use glam::{DMat3, DVec3};
 use std::collections::{BTreeMap, HashSet};
+use std::f64::consts::PI;
 use std::rc::Rc;
 
 /// Number of points on a body's surface that measure it.
@@ -32,7 +34,7 @@ impl FilledBuffers {
     /// Creates the parts of a scene; `None` without translucent bodies.
     pub(super) fn new(
         gpu: &Device,
-        (scene, layouts): (&Scene, &[InstanceLayout]),
+        (scene, layouts, close_by): (&Scene, &[InstanceLayout], &[Option<CloseBy>]),
         draws: &[DrawItem],
         (caches, surfaces): (&[ModelCache], &[CacheSurface]),
     ) -> Result<Option<Self>> {
@@ -48,7 +50,9 @@ impl FilledBuffers {
                 let size = linear.to_cols_array().map(f64::to_bits);
                 let measured = known.entry((mesh, material, size)).or_insert_with(|| {
                     let (shape, backs) = shape(linear, &scene.meshes[mesh], material);
-                    (inside.medium().in_body(&shape), Rc::new(backs))
+                    let mut medium = inside.medium().in_body(&shape);
+                    medium.strength *= 1.0 - close_by[material].as_ref().map_or(DVec3::ZERO, |own| own.share);
+                    (medium, Rc::new(backs))
                 });
                 parts.push(measured.clone());
             }
@@ -80,6 +84,33 @@ impl FilledBuffers {
             count,
         }))
     }
+}
+
+/// Light from inside a material that leaves close to where it entered.
+pub(super) struct CloseBy {
+    /// Its share of all light from inside.
+    share: DVec3,
+    /// The share of arriving light that it is.
+    pub(super) reflectance: DVec3,
+}
+
+/// The light from inside each filled material that leaves within the radius of a mean cache's surface. Caches cannot
+/// resolve it: a pixel reflects it itself.
+pub(super) fn close_by(scene: &Scene, caches: Option<&CacheSet>) -> Vec<Option<CloseBy>> {
+    let mut sums = vec![(0.0, 0.0); scene.materials.len()];
+    for model in caches.iter().flat_map(|caches| &caches.models) {
+        let materials = scene.meshes[model.mesh].triangle_materials();
+        for cache in &model.caches {
+            let (area, count) = &mut sums[materials[cache.triangle as usize]];
+            (*area, *count) = (*area + f64::from(cache.area), *count + 1.0);
+        }
+    }
+    let of = |(material, (area, count)): (&Material, (f64, f64))| {
+        let medium = material.subsurface?.medium();
+        let share = if count > 0.0 { medium.within((area / (count * PI)).sqrt()) } else { DVec3::ZERO };
+        Some(CloseBy { share, reflectance: medium.entering * share * medium.diffuse_albedo() })
+    };
+    scene.materials.iter().zip(sums).map(of).collect()
 }
 
 /// The shape of the surfaces of a material. Where a file marks a closed surface as double-sided, its backs lie inside the

@@ -26,6 +26,7 @@ pub use cells::CellBuffers;
 pub use deform::DeformBuffers;
 pub use draws::Which;
 pub(super) use draws::{ByKind, VERTEX, VERTEX_PLACE, VERTEX_PLAIN};
+use filled::CloseBy;
 pub use filled::FilledBuffers;
 pub(super) use lights::LightInfo;
 pub use sky::{SkyBuffer, SkyLight};
@@ -122,6 +123,8 @@ pub struct World {
     structure: Structure,
     /// Constant data of each instance.
     layouts: Vec<InstanceLayout>,
+    /// For each material, the light from inside that its pixels reflect themselves.
+    inside: Vec<Option<CloseBy>>,
     vertices: Buffer,
     indices: Buffer,
     materials: Buffer,
@@ -198,7 +201,8 @@ impl World {
             .collect();
         let rays = rays::bytes(scene).max(size_of_val(&vertices[..]) as u64) <= gpu.most_buffer_bytes();
         let mut dynamic = Dynamic::default();
-        dynamic.fill_surfaces(scene, origin, &layouts);
+        let inside = filled::close_by(scene, caches);
+        dynamic.fill_surfaces(scene, origin, (&layouts, &inside));
         dynamic.fill_lights(scene, &areas, origin, half);
 
         let mut references = Vec::<u16>::new();
@@ -292,7 +296,7 @@ impl World {
             view_buffer: gpu.buffer_from("scene.light_views", &dynamic.views)?,
             instances: gpu.buffer_from("scene.instances", &dynamic.instances)?,
             deform: DeformBuffers::new(gpu, scene, &first_posed)?,
-            filled: FilledBuffers::new(gpu, (scene, &layouts), &draws, (&model_caches, &cache_surfaces))?,
+            filled: FilledBuffers::new(gpu, (scene, &layouts, &inside), &draws, (&model_caches, &cache_surfaces))?,
             cache_count: model_caches.len() as u32,
             model_caches: gpu.buffer_from("scene.model_caches", &model_caches)?,
             placed_caches: model_caches,
@@ -318,6 +322,7 @@ impl World {
             kinds,
             draws,
             layouts,
+            inside,
             revisions: Revisions::new(dynamic.lights.len()),
             pending: Cell::new(PendingCopies::new(first_posed.iter().any(Option::is_some))),
             scratch: Dynamic::default(),

@@ -1,5 +1,6 @@
 //! Materials and textures for shaders.
 
+use super::filled::CloseBy;
 use crate::error::Result;
 use crate::gpu::{Device, Format, Image, SamplerKind};
 use crate::image::{mip_chain, normal_mip_chain};
@@ -10,8 +11,9 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// A material in the form that shaders use.
-pub(super) fn material(m: &Material) -> shared::Material {
+/// A material in the form that shaders use. `inside` is the reflectance of a
+/// medium below.
+pub(super) fn material((m, inside): (&Material, &Option<CloseBy>)) -> shared::Material {
     shared::Material {
         base_color: m.base_color,
         emissive: m.emissive,
@@ -32,7 +34,7 @@ pub(super) fn material(m: &Material) -> shared::Material {
         coat_roughness: m.coat_roughness,
         sheen_color: m.sheen_color,
         sheen_roughness: m.sheen_roughness,
-        is_filled: m.subsurface.is_some().into(),
+        inside: inside.as_ref().map_or(Vec3::NEG_ONE, |inside| inside.reflectance.as_vec3()),
     }
 }
 
