@@ -92,7 +92,7 @@ void main() {
     vec3 share = mix(vec3(0.0), 1.0 / max(s.irradiance, vec3(LEAST_IRRADIANCE)), is_lit);
     ProxyDipole p;
     // Bound for thin bodies: no part may send on more light than arrives.
-    p.irradiance = mix(vec3(0.0), s.irradiance / max(s.whole, vec3(1.0)), is_lit);
+    p.irradiance = mix(vec3(0.0), f.from_afar * s.irradiance / max(s.whole, vec3(1.0)), is_lit);
     p.filled = own.filled;
     p.place_r = s.place_r * share.r;
     p.place_g = s.place_g * share.g;

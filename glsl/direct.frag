@@ -4,6 +4,7 @@
 // variant direct_rays_coat.frag: RAYS COAT (both)
 #include "shared.glsl"
 #include "lib/brdf.glsl"
+#include "lib/dipole.glsl"
 #include "lib/form_factor.glsl"
 #include "lib/light.glsl"
 #include "lib/octahedral.glsl"
@@ -123,6 +124,7 @@ void main() {
     if (away || dot(geometric, towards) <= 0.0 || irradiance == vec3(0.0)) {
         return;
     }
+    albedo.rgb *= enters(max(cosine, 0.0), coded_ior(normal_coded.w));
     vec3 looking = view_direction(push.eye, position);
 #ifdef COAT
     CoatAlbedo over = albedo_of(coat, n, looking);

@@ -8,6 +8,7 @@
 #include "lib/area_light.glsl"
 #include "lib/brdf.glsl"
 #include "lib/disc.glsl"
+#include "lib/dipole.glsl"
 #include "lib/form_factor.glsl"
 #include "lib/ggx_area.glsl"
 #include "lib/light.glsl"
@@ -222,6 +223,7 @@ void main() {
     vec4 albedo = texelFetch(albedo_image, pixel, 0);
     vec4 specular = texelFetch(specular_image, pixel, 0);
     vec3 geometric = octahedral_decode(vec2(albedo.a, specular.a));
+    albedo.rgb *= enters(max(dot(n, unit_or(to_middle, n)), 0.0), coded_ior(normal_coded.w));
     vec3 looking = view_direction(push.eye, position);
     bool glossy = specular.rgb != vec3(0.0);
 

@@ -11,6 +11,7 @@
 // variant gbuffer_pulled_coat.frag: ELEMENTS PULLED COAT (likewise)
 // variant layers_pulled_coat.frag: LAYER ELEMENTS PULLED COAT (likewise)
 #include "shared.glsl"
+#include "lib/dipole.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/surface.glsl"
 #ifdef COAT
@@ -22,7 +23,7 @@ layout(push_constant, scalar) uniform Push { DrawPush push; };
 layout(constant_id = 1) const uint POINTS = 0; // further points of a pixel, over which textures are averaged
 layout(constant_id = 2) const uint DAMPED = 0; // 1: widen lobes by the curvature and bumps within a pixel
 
-layout(constant_id = 3) const uint INSIDE = 0; // 1: stage 10 brings the light from inside filled bodies
+layout(constant_id = 3) const uint INSIDE = 0; // stage 10 brings light from inside filled bodies: 1 from afar, 2 all
 
 layout(location = 0) in vec3 raster_position;
 layout(location = 1) in vec3 normal;
@@ -206,8 +207,9 @@ void main() {
     emitted *= 1.0 - over.coat;
     out_coat = pack_coat(coat);
 #endif
-    if (INSIDE != 0u && m.inside.x >= 0.0) {
-        r.diffuse = m.inside;
+    if (INSIDE != 0u && m.inside_ior > 0.0) {
+        r.diffuse = INSIDE == 1u ? m.close_by * exits(dot(n, towards_viewer), m.inside_ior) : vec3(0.0);
+        r.coded = coded_inside(r.coded, m.inside_ior);
     }
     vec2 packed_normal = octahedral_encode(geometric);
     out_normal = vec4(n, r.coded);

@@ -20,6 +20,7 @@ struct Filled {
     vec3 sigma_tr; // effective extinction [1/m]
     vec3 of_near; // integral of the near source over the plane: a share of the entering light
     vec3 of_far;
+    vec3 from_afar; // share of the light that pixels do not reflect themselves
 };
 
 // A cache on a filled part.

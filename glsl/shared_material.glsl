@@ -43,7 +43,8 @@ struct Material {
     float coat_roughness;
     vec3 sheen_color;
     float sheen_roughness;
-    vec3 inside; // reflectance by light that leaves a filled body close to where it entered; negative where no medium fills it
+    vec3 close_by; // share of the light entering a filled body that leaves it close to where it entered
+    float inside_ior; // index of the medium; 0 where none fills the body
 };
 
 // Lookup of one texture of a material.

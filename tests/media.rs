@@ -66,7 +66,7 @@ fn shaders_are_the_twins() {
     // In a frame the host computes the numbers of a filled body. Here the shader does.
     let of_source = |share: f64, depth: &str| format!("vec3({share:?} * exp(-x[3] * {depth}))");
     let [near, far] = [of_source(1.5 * SOURCES[0], "x[2]"), of_source(1.5 * SOURCES[1], "7.0 * x[2]")];
-    let made = format!("Filled(vec3(x[2]), 1.0, vec3(7.0 * x[2]), x[4], vec3(x[3]), {near}, {far})");
+    let made = format!("Filled(vec3(x[2]), 1.0, vec3(7.0 * x[2]), x[4], vec3(x[3]), {near}, {far}, vec3(1.0))");
     let expression =
         format!("vec4(diffuse_reflectance({made}, vec3(x[0] * x[0]), vec3(x[1])), dielectric_fresnel(x[1], x[4]))");
     // An exponent of 100 has a rounding error of 1e-5.

@@ -127,9 +127,7 @@ struct Drawn {
 fn drawn(scene: &Scene, spacing: f64, knobs: &Knobs) -> Drawn {
     let gpu = gpu();
     let caches = baked(scene, spacing, 8);
-    // With caches, pixels themselves reflect what leaves close to where it entered. Brute force is exact.
-    let lit = (knobs.gi != Gi::BruteForce).then_some(&caches);
-    let world = World::new(&gpu, scene, lit).expect("world");
+    let world = World::new(&gpu, scene, Some(&caches)).expect("world");
     let mut frame = Frame::new(&gpu, scene, &world, knobs).expect("made");
     let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
     let recorded = gpu.frame(|cmd| {
@@ -232,7 +230,7 @@ fn dipoles_of_caches_are_the_twins_and_no_more_leaves_than_entered() {
 fn pixels_are_what_brute_force_says() {
     let narrow = LightKind::Spot { inner: 0.02, outer: 0.04 };
     for (what, kind, path, bound) in
-        [("5 %, broad", wide(), 0.005, 0.01), ("1 %, broad", wide(), 0.001, 0.025), ("5 %, narrow", narrow, 0.005, 0.2)]
+        [("5 %, broad", wide(), 0.005, 0.01), ("1 %, broad", wide(), 0.001, 0.01), ("5 %, narrow", narrow, 0.005, 0.2)]
     {
         let inside = Subsurface::of_color(vec3(0.9, 0.7, 0.3), Vec3::splat(path), 1.4);
         let mut scene = ball(inside, kind);
@@ -269,7 +267,7 @@ fn dipoles_find_light_between_caches() {
                 let given = |val: &InnerVal| {
                     val.flux * diffuse_reflectance(&medium, val.position.distance(*at), widest(val.area))
                 };
-                let truth: DVec3 = vals.iter().map(given).sum();
+                let truth = (1.0 - medium.close_by) * vals.iter().map(given).sum::<DVec3>();
                 let place = |c: &usize| { caches[*c].position }.as_dvec3();
                 let d_max = references.iter().map(|c| place(c).distance(*at)).fold(1e-15, f64::max);
                 let (mut sum, mut weights) = (DVec3::ZERO, 0.0);
@@ -361,8 +359,13 @@ fn double_sided_bodies_are_like_others() {
     let picture = |double_sided: bool| {
         let mut scene = Scene { name: "ball".into(), ..Scene::default() };
         let inside = Subsurface::of_color(vec3(0.9, 0.7, 0.3), Vec3::splat(0.003), 1.4);
-        let material = Material { double_sided, ..filled(inside) };
-        add(&mut scene, sphere(0.05, 16), material, DAffine3::IDENTITY);
+        let mut body = sphere(0.05, 16);
+        if double_sided {
+            let (back, front) = (body.reversed(), body.vertices.len() as u32);
+            body.vertices.extend(back.vertices);
+            body.indices.extend(back.indices.iter().map(|i| front + i));
+        }
+        add(&mut scene, body, Material { double_sided, ..filled(inside) }, DAffine3::IDENTITY);
         let like = ball(inside, wide());
         (scene.lights, scene.cameras) = (like.lights, like.cameras);
         drawn(&scene, 0.01, &knobs()).radiance.into_iter().sum::<DVec3>()
@@ -372,11 +375,11 @@ fn double_sided_bodies_are_like_others() {
     assert!((ratio - 1.0).abs().max_element() < 0.02, "{ratio}");
 }
 
-/// With mean free paths far below the distance of caches, light leaves where it entered.
+/// With mean free paths far below the distance of caches, light leaves where it entered; without Fresnel, all of it.
 #[test]
 fn bodies_of_short_paths_are_diffuse_surfaces() {
     let picture = |is_filled: bool| {
-        let mut scene = ball(Subsurface::of_color(vec3(0.9, 0.7, 0.3), Vec3::splat(1e-7), 1.4), wide());
+        let mut scene = ball(Subsurface::of_color(vec3(0.9, 0.7, 0.3), Vec3::splat(1e-7), 1.0), wide());
         if !is_filled {
             scene.materials[0].subsurface = None;
         }
@@ -385,16 +388,14 @@ fn bodies_of_short_paths_are_diffuse_surfaces() {
     let (filled, diffuse) = (picture(true), picture(false));
     let apart: DVec3 = filled.iter().zip(&diffuse).map(|(a, b)| (*a - *b).abs()).sum();
     let share = apart / diffuse.iter().copied().sum::<DVec3>();
-    // What enters does not depend on the direction of the light.
-    let entering = Subsurface::of_color(Vec3::ONE, Vec3::ONE, 1.4).medium().entering;
-    println!("difference from a diffuse surface: {share:.6}, of which {:.6} does not enter", 1.0 - entering);
-    assert!((share - DVec3::splat(1.0 - entering)).abs().max_element() < 0.02, "{share}");
+    println!("difference from a diffuse surface: {share:.6}");
+    assert!(share.max_element() < 0.003, "{share}");
 }
 
 /// Against random walks.
 #[test]
 fn pictures_are_near_the_path_tracers() {
-    for (path, bound) in [(0.0003, 0.1), (0.003, 0.08)] {
+    for path in [0.0003, 0.003] {
         let mut scene = ball(Subsurface::of_color(vec3(0.9, 0.7, 0.3), Vec3::splat(path), 1.4), wide());
         scene.instances.truncate(1);
         let knobs = Knobs { rsm: 96, ..knobs() };
@@ -407,7 +408,7 @@ fn pictures_are_near_the_path_tracers() {
         let mean: DVec3 = truth.iter().map(|p| Vec3::from(*p).as_dvec3()).sum();
         let bias = picture.iter().copied().sum::<DVec3>() / mean - 1.0;
         println!("ball of 10 cm, mean free path {path} m: bias against walks {bias:+.3}");
-        assert!(bias.abs().max_element() < bound, "{bias}");
+        assert!(bias.abs().max_element() < 0.08, "{bias}");
     }
 }
 

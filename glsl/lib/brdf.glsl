@@ -32,7 +32,18 @@ float coded_roughness(float coded) {
 
 float coded_f90(float coded) {
     // Devices may round 255 / 255 to more than 1. A negative reflectance would make light negative.
-    return max(1.0 - floor(-coded) / 255.0, 0.0);
+    return max(1.0 - float(uint(-coded) & 255u) / 255.0, 0.0);
+}
+
+// Adds the index of a medium below the surface to a lobe of glTF, in steps of 0.1 from 1 to 2.5.
+float coded_inside(float coded, float ior) {
+    return coded < 0.0 ? coded - 256.0 * clamp(round(10.0 * ior - 9.0), 1.0, 16.0) : coded;
+}
+
+// The index of that medium; 0 if there is none.
+float coded_ior(float coded) {
+    uint step = uint(max(-coded, 0.0)) >> 8;
+    return step > 0u ? 0.9 + 0.1 * float(step) : 0.0;
 }
 
 // Fit by powers of cosine / (cosine + alpha): coefficients of 1, alpha, alpha^2, alpha^3.

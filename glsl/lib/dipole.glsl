@@ -57,9 +57,20 @@ float dielectric_fresnel(float cosine, float ior) {
 // Lower bound of the cosine with the viewer: a pixel of a silhouette covers such angles, and its normal may face away.
 const float LEAST_EXIT = 0.1;
 
+// Share of light at this cosine that enters, over that of uniform light; 1 where no medium lies below the surface.
+float enters(float cosine, float ior) {
+    float inside = -1.44 / (ior * ior) + 0.71 / ior + 0.668 + 0.0636 * ior; // (5.77)
+    return ior > 0.0 ? (1.0 - dielectric_fresnel(cosine, ior)) / (ior * ior * (1.0 - inside)) : 1.0;
+}
+
+// Share of the light from below that leaves the surface towards a viewer at this cosine.
+float exits(float cosine, float ior) {
+    return 1.0 - dielectric_fresnel(max(cosine, LEAST_EXIT), ior);
+}
+
 // Radiance that leaves the surface towards a viewer at this cosine, from the irradiance from below.
 vec3 leaving(Filled f, float cosine, vec3 irradiance) {
-    return irradiance * ((1.0 - dielectric_fresnel(max(cosine, LEAST_EXIT), f.ior)) / (f.entering * PI));
+    return irradiance * (exits(cosine, f.ior) / (f.entering * PI));
 }
 
 // Weighted sums over caches, by channel.

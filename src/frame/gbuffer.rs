@@ -160,7 +160,8 @@ fn surfaces(
 ) -> Result<ByKind> {
     let (vertex, streams): (_, &[_]) =
         if pulls(gpu, plan) { ("mesh_pulled.vert", &[]) } else { ("mesh.vert", &[VERTEX]) };
-    let (damped, inside) = (u32::from(plan.antialiasing != Antialiasing::Off), u32::from(plan.inside));
+    let damped = u32::from(plan.antialiasing != Antialiasing::Off);
+    let inside = if plan.inside { 1 + u32::from(plan.brute_force) } else { 0 };
     world.by_kind(|kind| {
         gpu.raster(&Raster {
             vertex,

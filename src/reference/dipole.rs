@@ -40,7 +40,7 @@ pub fn gather(medium: &Medium, cache: DVec3, vals: &[InnerVal], bodies: &[(DVec3
     let whole = bodies.iter().fold(DVec3::ZERO, |sum, &(position, area)| {
         sum + area * diffuse_reflectance(medium, position.distance(cache), widest(area))
     });
-    let share = whole.max(DVec3::ONE).recip();
+    let share = (1.0 - medium.close_by) / whole.max(DVec3::ONE);
     let mut proxy = ProxyDipole::default();
     let mut second = DVec3::ZERO;
     for val in vals {

@@ -34,7 +34,7 @@ impl FilledBuffers {
     /// Creates the parts of a scene; `None` without translucent bodies.
     pub(super) fn new(
         gpu: &Device,
-        (scene, layouts, close_by): (&Scene, &[InstanceLayout], &[Option<CloseBy>]),
+        (scene, layouts, close_by): (&Scene, &[InstanceLayout], &[DVec3]),
         draws: &[DrawItem],
         (caches, surfaces): (&[ModelCache], &[CacheSurface]),
     ) -> Result<Option<Self>> {
@@ -50,8 +50,7 @@ impl FilledBuffers {
                 let size = linear.to_cols_array().map(f64::to_bits);
                 let measured = known.entry((mesh, material, size)).or_insert_with(|| {
                     let (shape, backs) = shape(linear, &scene.meshes[mesh], material);
-                    let mut medium = inside.medium().in_body(&shape);
-                    medium.strength *= 1.0 - close_by[material].as_ref().map_or(DVec3::ZERO, |own| own.share);
+                    let medium = Medium { close_by: close_by[material], ..inside.medium().in_body(&shape) };
                     (medium, Rc::new(backs))
                 });
                 parts.push(measured.clone());
@@ -86,17 +85,9 @@ impl FilledBuffers {
     }
 }
 
-/// Light from inside a material that leaves close to where it entered.
-pub(super) struct CloseBy {
-    /// Its share of all light from inside.
-    share: DVec3,
-    /// The share of arriving light that it is.
-    pub(super) reflectance: DVec3,
-}
-
-/// The light from inside each filled material that leaves within the radius of a mean cache's surface. Caches cannot
-/// resolve it: a pixel reflects it itself.
-pub(super) fn close_by(scene: &Scene, caches: Option<&CacheSet>) -> Vec<Option<CloseBy>> {
+/// For each material, the share of the light from inside that leaves within the radius of a mean cache's surface. Caches
+/// cannot resolve it: pixels reflect it themselves.
+pub(super) fn close_by(scene: &Scene, caches: Option<&CacheSet>) -> Vec<DVec3> {
     let mut sums = vec![(0.0, 0.0); scene.materials.len()];
     for model in caches.iter().flat_map(|caches| &caches.models) {
         let materials = scene.meshes[model.mesh].triangle_materials();
@@ -105,10 +96,9 @@ pub(super) fn close_by(scene: &Scene, caches: Option<&CacheSet>) -> Vec<Option<C
             (*area, *count) = (*area + f64::from(cache.area), *count + 1.0);
         }
     }
-    let of = |(material, (area, count)): (&Material, (f64, f64))| {
-        let medium = material.subsurface?.medium();
-        let share = if count > 0.0 { medium.within((area / (count * PI)).sqrt()) } else { DVec3::ZERO };
-        Some(CloseBy { share, reflectance: medium.entering * share * medium.diffuse_albedo() })
+    let of = |(material, (area, count)): (&Material, (f64, f64))| match material.subsurface {
+        Some(inside) if count > 0.0 => inside.medium().within((area / (count * PI)).sqrt()),
+        _ => DVec3::ZERO,
     };
     scene.materials.iter().zip(sums).map(of).collect()
 }
@@ -172,7 +162,7 @@ fn points(triangles: &[[DVec3; 3]]) -> (Vec<[DVec3; 2]>, f64) {
 
 /// A medium in the form that shaders use.
 fn filled(medium: &Medium) -> shared::Filled {
-    let Medium { sigma_tr, depths: [near, far], ior, entering, strength, .. } = *medium;
+    let Medium { sigma_tr, depths: [near, far], ior, entering, strength, close_by, .. } = *medium;
     let of_source = |share: f64, z: DVec3| (share * strength * (-sigma_tr * z).exp()).as_vec3();
     shared::Filled {
         near: near.as_vec3(),
@@ -182,5 +172,6 @@ fn filled(medium: &Medium) -> shared::Filled {
         sigma_tr: sigma_tr.as_vec3(),
         of_near: of_source(SOURCES[0], near),
         of_far: of_source(SOURCES[1], far),
+        from_afar: (1.0 - close_by).as_vec3(),
     }
 }

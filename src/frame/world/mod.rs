@@ -26,7 +26,6 @@ pub use cells::CellBuffers;
 pub use deform::DeformBuffers;
 pub use draws::Which;
 pub(super) use draws::{ByKind, VERTEX, VERTEX_PLACE, VERTEX_PLAIN};
-use filled::CloseBy;
 pub use filled::FilledBuffers;
 pub(super) use lights::LightInfo;
 pub use sky::{SkyBuffer, SkyLight};
@@ -123,8 +122,8 @@ pub struct World {
     structure: Structure,
     /// Constant data of each instance.
     layouts: Vec<InstanceLayout>,
-    /// For each material, the light from inside that its pixels reflect themselves.
-    inside: Vec<Option<CloseBy>>,
+    /// For each material, the share of the light from inside that pixels reflect themselves.
+    close_by: Vec<DVec3>,
     vertices: Buffer,
     indices: Buffer,
     materials: Buffer,
@@ -201,8 +200,8 @@ impl World {
             .collect();
         let rays = rays::bytes(scene).max(size_of_val(&vertices[..]) as u64) <= gpu.most_buffer_bytes();
         let mut dynamic = Dynamic::default();
-        let inside = filled::close_by(scene, caches);
-        dynamic.fill_surfaces(scene, origin, (&layouts, &inside));
+        let close_by = filled::close_by(scene, caches);
+        dynamic.fill_surfaces(scene, origin, (&layouts, &close_by));
         dynamic.fill_lights(scene, &areas, origin, half);
 
         let mut references = Vec::<u16>::new();
@@ -296,7 +295,7 @@ impl World {
             view_buffer: gpu.buffer_from("scene.light_views", &dynamic.views)?,
             instances: gpu.buffer_from("scene.instances", &dynamic.instances)?,
             deform: DeformBuffers::new(gpu, scene, &first_posed)?,
-            filled: FilledBuffers::new(gpu, (scene, &layouts, &inside), &draws, (&model_caches, &cache_surfaces))?,
+            filled: FilledBuffers::new(gpu, (scene, &layouts, &close_by), &draws, (&model_caches, &cache_surfaces))?,
             cache_count: model_caches.len() as u32,
             model_caches: gpu.buffer_from("scene.model_caches", &model_caches)?,
             placed_caches: model_caches,
@@ -322,7 +321,7 @@ impl World {
             kinds,
             draws,
             layouts,
-            inside,
+            close_by,
             revisions: Revisions::new(dynamic.lights.len()),
             pending: Cell::new(PendingCopies::new(first_posed.iter().any(Option::is_some))),
             scratch: Dynamic::default(),

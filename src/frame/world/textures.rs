@@ -1,19 +1,18 @@
 //! Materials and textures for shaders.
 
-use super::filled::CloseBy;
 use crate::error::Result;
 use crate::gpu::{Device, Format, Image, SamplerKind};
 use crate::image::{mip_chain, normal_mip_chain};
 use crate::scene::{self, Material, Sampler, Scene, Texture, Wrap};
 use crate::shared::{self, TEXTURE_COUNT, TextureSlot};
 use ash::vk::SamplerAddressMode;
-use glam::{Vec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// A material in the form that shaders use. `inside` is the reflectance of a
-/// medium below.
-pub(super) fn material((m, inside): (&Material, &Option<CloseBy>)) -> shared::Material {
+/// A material in the form that shaders use. `close_by` is the share of
+/// the light entering its body that leaves close to where it entered.
+pub(super) fn material((m, close_by): (&Material, &DVec3)) -> shared::Material {
     shared::Material {
         base_color: m.base_color,
         emissive: m.emissive,
@@ -34,7 +33,8 @@ pub(super) fn material((m, inside): (&Material, &Option<CloseBy>)) -> shared::Ma
         coat_roughness: m.coat_roughness,
         sheen_color: m.sheen_color,
         sheen_roughness: m.sheen_roughness,
-        inside: inside.as_ref().map_or(Vec3::NEG_ONE, |inside| inside.reflectance.as_vec3()),
+        close_by: m.subsurface.map_or(Vec3::ZERO, |inside| (*close_by * inside.medium().diffuse_albedo()).as_vec3()),
+        inside_ior: m.subsurface.map_or(0.0, |inside| inside.ior),
     }
 }
 

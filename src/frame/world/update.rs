@@ -2,7 +2,6 @@
 //! with the device's state, and the next frame copies the differences. Revisions tell the stages which inputs have
 //! changed.
 
-use super::filled::CloseBy;
 use super::lights::{self, LightInfo};
 use super::{AreaLight, SkyBuffer, SkyLight, World, albedo, textures};
 use crate::error::{Error, Result};
@@ -149,12 +148,12 @@ pub(super) struct Dynamic {
 
 impl Dynamic {
     /// Sets the state of a scene's surfaces, relative to `origin`. `layouts` holds the constant data of each
-    /// instance, `inside` that of each material.
+    /// instance, `close_by` that of each material.
     pub(super) fn fill_surfaces(
         &mut self,
         scene: &Scene,
         origin: DVec3,
-        (layouts, inside): (&[InstanceLayout], &[Option<CloseBy>]),
+        (layouts, close_by): (&[InstanceLayout], &[DVec3]),
     ) {
         self.instances.clear();
         self.mirrored.clear();
@@ -166,7 +165,7 @@ impl Dynamic {
             self.pose(instance, layout.pose_sizes);
         }
         self.materials.clear();
-        self.materials.extend(scene.materials.iter().zip(inside).map(textures::material));
+        self.materials.extend(scene.materials.iter().zip(close_by).map(textures::material));
         self.slots.clear();
         self.slots.extend(scene.materials.iter().flat_map(textures::slots));
     }
@@ -286,7 +285,7 @@ impl World {
             return Ok(());
         }
         let mut now = std::mem::take(&mut self.scratch);
-        now.fill_surfaces(scene, self.origin, (&self.layouts, &self.inside));
+        now.fill_surfaces(scene, self.origin, (&self.layouts, &self.close_by));
         let old = &self.dynamic;
         let mut pending = self.pending.get();
         let instances = now.instances != old.instances;
