@@ -1,6 +1,6 @@
 //! The window from a user's view: real key and button events on a private display, with validation.
 
-use crate::cli::{folder, works};
+use crate::cli::{fails, folder, works};
 use crate::common::window::{App, Display, SMALL, cornell, png, words};
 use std::fs;
 use std::path::Path;
@@ -15,9 +15,12 @@ fn the_window_shows_what_render_writes() {
     let folder = folder("app_same");
     let scene = cornell();
     let scene = scene.to_str().expect("a path");
-    let arguments = [&["view", scene, "--size", "160x120", "--no-panels"], &SMALL[..]].concat();
+    let flags = ["--bounces", "2", "--shadow-map", "256", "--interpolation", "printed"];
+    let arguments = [&["view", scene, "--size", "160x120", "--no-panels"], &SMALL[..], &flags].concat();
     let mut app = App::start(&display, &folder, &arguments);
     app.line("scene");
+    let command = app.command();
+    assert!(flags.chunks(2).all(|flag| command.contains(&flag.join(" "))), "{command}");
     for step in ["initial view", "turned", "flown"] {
         match step {
             "turned" => {
@@ -54,7 +57,11 @@ fn everything_can_be_pressed() {
     let folder = folder("app_keys");
     let scene = cornell();
     let path = scene.to_str().expect("a path");
-    let mut app = App::start(&display, &folder, &[&["-vv", "view", path, "--size", "64x48"], &SMALL[..]].concat());
+    let mut app = App::start(
+        &display,
+        &folder,
+        &[&["-vv", "view", path, "--size", "64x48", "--layers", "3"], &SMALL[..]].concat(),
+    );
     app.line("scene");
     app.resize(384, 1100);
     let began = app.command();
@@ -119,7 +126,8 @@ fn everything_can_be_pressed() {
     app.choose([x, 142], 1, "lightskin");
     app.line("scene");
     let command = app.command();
-    assert!(command.contains("--quality low") && !command.contains("--gi"), "{command}");
+    let reset = ["--gi", "--layers"];
+    assert!(command.contains("--quality low") && !reset.iter().any(|flag| command.contains(flag)), "{command}");
     app.slide([64 + 120, 168], 40, "lightskin");
     app.line("scene");
     assert!(app.command().contains("--caches"));
@@ -378,4 +386,11 @@ fn no_display_is_one_line() {
         assert_eq!(out.status.code(), Some(1), "{said}");
         assert!(said.lines().count() == 1 && said.contains("display") && said.contains("`lightskin render`"), "{said}");
     }
+}
+
+/// A window has the settings of `render`, but draws frames only.
+#[test]
+fn a_window_is_not_path_traced() {
+    fails(&folder("app_paths"), &["view", "--gi", "path-trace"], 2, &["--gi path-trace", "Space"]);
+    fails(&folder("app_paths"), &["view", "--gi", "brute-force", "--bounces", "2"], 2, &["one bounce"]);
 }

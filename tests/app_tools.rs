@@ -61,7 +61,7 @@ fn a_file_is_held_against_brute_force() {
     let folder = folder("app_both");
     let scene = cornell();
     let scene = scene.to_str().expect("a path");
-    let same = ["--size", "64x1000", "--quality", "low", "--caches", "150"];
+    let same = ["--size", "64x1000", "--quality", "low", "--caches", "150", "--rsm", "32"];
     for (gi, file) in [("off", "left.exr"), ("brute-force", "right.exr")] {
         works(&folder, &[&["render", scene, "-o", file, "--gi", gi], &same[..]].concat());
     }

@@ -103,7 +103,7 @@ impl Document {
     /// Starts to load the scene of the command line.
     pub(super) fn new(gpu: &Gpu, args: &Args, rest: Rest) -> Result<Self> {
         let ways = tune::fastest(gpu)?.ways;
-        let settings = usual(args, args.cache_count(), ways);
+        let settings = args.settings(args.cache_count(), ways);
         let mut document = Self {
             args: args.clone(),
             engine: None,
@@ -161,7 +161,7 @@ impl Document {
 
     /// The settings of the quality level.
     pub(super) fn usual(&self) -> Settings {
-        usual(&self.args, self.caches, self.ways)
+        Settings { reuse: true, ..Settings::at(self.args.quality(), self.caches).with_ways(self.ways) }
     }
 
     /// The current scene, with all edits.
@@ -388,11 +388,6 @@ impl Document {
             moment: self.clip.animation.map(|animation| (animation, self.clip.time)),
         }))
     }
-}
-
-/// The settings of the quality level for this number of caches. Stages with unchanged inputs are skipped.
-pub(super) fn usual(args: &Args, caches: usize, ways: Ways) -> Settings {
-    Settings { reuse: true, ..Settings::at(args.quality(), caches).with_ways(ways) }
 }
 
 /// Copies what the panel can change of a material.

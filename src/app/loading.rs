@@ -3,7 +3,7 @@
 
 use super::background::{Thread, joined};
 use super::camera::{Free, Seen};
-use super::document::{Document, copy_edits, usual};
+use super::document::{Document, copy_edits};
 use super::recent;
 use super::session::{self, Opened};
 use super::undo::History;
@@ -262,14 +262,13 @@ impl Document {
             lights = of_file.clone().keeping(&self.lights);
         }
         lights.apply(&mut loaded.scene);
-        let mut settings = usual(args, count, self.ways);
+        let mut settings = args.settings(count, self.ways);
         // Keep the chosen settings if only the number of caches or the contents of the file have changed.
         let keeps_settings = session.is_none() && self.shows(args) && args.quality() == self.args.quality();
         if keeps_settings {
             settings = self.settings;
         }
-        if let Some(Opened { session, drawing, .. }) = session {
-            settings = drawing.settings(gpu, count)?;
+        if let Some(Opened { session, .. }) = session {
             lights = session.change(&mut loaded.scene);
         }
         let prepared = Prepared { keeps_settings, count, lights, of_file, materials, changes: self.changes };

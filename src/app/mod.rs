@@ -46,6 +46,7 @@ struct App<'a> {
 
 /// Shows a window until it is closed.
 pub(crate) fn run(args: &View) -> Result<()> {
+    args.check();
     lightskin::gpu::give_memory_back();
     let events = EventLoop::new().map_err(|error| {
         anyhow!("no display for a window ({error}); use `lightskin render` to write pictures without one")

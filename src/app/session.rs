@@ -4,7 +4,7 @@ use super::camera::{Free, Seen};
 use super::document::{Clip, Document};
 use crate::cli::lights::Lamp;
 use crate::cli::session::{SCHEMA, Session};
-use crate::cli::view::{Drawing, View as Args};
+use crate::cli::view::View as Args;
 use anyhow::{Context, Result};
 use lightskin::files;
 use lightskin::frame::Exposure;
@@ -63,11 +63,10 @@ pub(super) fn save(document: &Document, path: &Path) -> Result<()> {
     Ok(files::write(path, text.as_bytes())?)
 }
 
-/// A session, and its flags of `render`.
+/// A session and its file.
 pub(super) struct Opened {
     pub(super) file: PathBuf,
     pub(super) session: Session,
-    pub(super) drawing: Drawing,
 }
 
 /// Reads a session: the arguments to load its scene, and the part to apply afterwards. `present` has the properties
@@ -75,11 +74,13 @@ pub(super) struct Opened {
 pub(super) fn load(path: &Path, present: &Args) -> Result<(Args, Opened)> {
     let read = || -> Result<(Args, Opened)> {
         let session = Session::read(path)?;
-        let args = present.of_session(&session.arguments);
-        let args = args.context("arguments: correct this, or save the session again")?;
-        let drawing = Drawing::new(&session.settings);
-        let drawing = drawing.context("settings: correct this, or save the session again")?;
-        Ok((args, Opened { file: path.to_owned(), session, drawing }))
+        let args_of = |words: &[String], place: &str| {
+            let args = present.of_session(words);
+            args.with_context(|| format!("{place}: correct this, or save the session again"))
+        };
+        args_of(&session.arguments, "arguments")?;
+        let args = args_of(&[&session.arguments[..], &session.settings].concat(), "settings")?;
+        Ok((args, Opened { file: path.to_owned(), session }))
     };
     read().with_context(|| path.display().to_string())
 }

@@ -1,14 +1,13 @@
 //! Flags for the gather, the stage that lights the caches.
 
 use super::wrong_usage;
-use anyhow::Result;
 use clap::{Args, ValueEnum};
 use lightskin::frame::settings::Gather;
-use lightskin::frame::{ClusterRule, Near, Shadows, tune};
-use lightskin::gpu::Gpu;
+use lightskin::frame::settings::Ways;
+use lightskin::frame::{ClusterRule, Near, Shadows};
 
 /// Flags for the gather.
-#[derive(Args)]
+#[derive(Args, Clone, Default)]
 #[command(next_help_heading = "Variants of the method")]
 pub(super) struct GatherArgs {
     /// Method that lights the caches from the virtual lights.
@@ -24,7 +23,7 @@ pub(super) struct GatherArgs {
 }
 
 /// Flags for clusters of virtual lights.
-#[derive(Args)]
+#[derive(Args, Clone, Default)]
 pub(super) struct ClusterArgs {
     /// Light a cache by a whole cluster of virtual lights if the cluster is more than C of its radii away [default:
     /// off].
@@ -92,12 +91,12 @@ impl GatherArgs {
     }
 
     /// The gather that the flags request. `check` and `check_bounces` must have accepted them.
-    pub(super) fn gather(&self, gpu: &Gpu, shadows: Shadows, near: Near, bounces: u32) -> Result<Gather> {
+    pub(super) fn gather(&self, ways: Ways, shadows: Shadows, near: Near, bounces: u32) -> Gather {
         let dim = shadows == Shadows::Proxy;
-        Ok(match (self.cluster.rule(), self.gather) {
+        match (self.cluster.rule(), self.gather) {
             (Some(rule), _) => Gather::Clusters { rule, dim },
             (None, GatherArg::Fragment) => Gather::draws(dim),
-            (None, GatherArg::Compute) => Gather::Compute { ways: tune::fastest(gpu)?.ways, bounces, shadows, near },
-        })
+            (None, GatherArg::Compute) => Gather::Compute { ways, bounces, shadows, near },
+        }
     }
 }

@@ -12,6 +12,7 @@ mod compare;
 #[cfg(feature = "app")]
 pub(crate) mod config;
 mod devices;
+mod drawing;
 #[cfg(feature = "lab")]
 mod eval;
 mod gather;

@@ -1,17 +1,14 @@
 //! `lightskin render`: renders a scene to a picture or its layers, and prints times and counts.
 
 use super::camera::camera;
-use super::gather::GatherArgs;
+use super::drawing::{DrawingArgs, METHOD};
 use super::motion::{Motion, MotionArgs, numbered};
 use super::path_trace::{self, PathTraceArgs};
 use super::picture::{LayerArg, TonemapArg, Writing, exposure_value};
 use super::session::{Session, is_session};
 use super::sky::SkyArgs;
 use super::timings::{Report, timings_file, trace_file};
-use super::words::{
-    AntialiasingArg, GiArg, InterpArg, InterpolationArg, NearArg, ProxyWeightArg, ShadowsArg, light_shadows,
-    light_shadows_word,
-};
+use super::words::{GiArg, InterpArg, ShadowsArg};
 use super::{
     Baked, CacheArgs, Command, DeviceArgs, arguments, bake_scene, called, check_messages, divide_for, load_under,
     parse, progress_bar, thousands, word, wrong_usage,
@@ -20,21 +17,15 @@ use anyhow::{Context, Result, bail};
 use lightskin::bake::CacheSet;
 use lightskin::files::check_writable;
 use lightskin::frame::check::{Broken, Check};
-use lightskin::frame::settings::{Caches, Gather};
-use lightskin::frame::{
-    Antialiasing, Exposure, Indirect, Interpolation, Light, LightShadows, Look, Near, Picture, ProxyWeight, Quality,
-    Settings, Shadows, View, World, record,
-};
-use lightskin::gpu::Gpu;
+use lightskin::frame::settings::Ways;
+use lightskin::frame::{Antialiasing, Exposure, Light, Look, Picture, Settings, View, World, record, tune};
 use lightskin::scene::{Camera, Scene};
 use lightskin::trace::Trace;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Headings of the help.
-pub(super) const QUALITY: &str = "Quality";
-const METHOD: &str = "Variants of the method";
+/// Heading of the help.
 pub(super) const MEASURE: &str = "Measuring";
 
 #[derive(clap::Args)]
@@ -69,61 +60,13 @@ pub(super) struct Render {
     /// Write only this layer instead of the picture.
     #[arg(long, value_enum, value_name = "NAME")]
     layer: Option<LayerArg>,
-    /// Method for indirect light.
-    #[arg(long, value_enum, default_value_t)]
-    gi: GiArg,
-    /// Number of indirect bounces [default: set by --quality; no limit with --gi path-trace].
-    ///
-    /// 0 renders only direct light: lamps, emissive surfaces and the sky. Caches support up to 16 bounces, brute force
-    /// one.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1000))]
-    bounces: Option<u32>,
+    #[command(flatten)]
+    drawing: DrawingArgs,
     #[command(flatten)]
     caches: CacheArgs,
-    /// Virtual lights per light source: N x N, the texels of its reflective shadow map [default: 128 at --quality
-    /// high].
-    ///
-    /// A virtual light is a lit surface point that gives indirect light. More of them give smoother indirect light.
-    #[arg(long, help_heading = QUALITY, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
-    rsm: Option<u32>,
-    /// Shadows of lamps and the sun: rays, or shadow maps of N x N texels [default: rays at --quality high].
-    #[arg(long, help_heading = QUALITY, value_name = "rays|N", value_parser = light_shadows)]
-    shadow_map: Option<LightShadows>,
-    /// Antialiasing: extra sample points per pixel [default: 4 at --quality high].
-    ///
-    /// With --gi path-trace, any value but off spreads the samples over the pixel.
-    #[arg(long, help_heading = QUALITY, value_name = "POINTS", value_enum)]
-    aa: Option<AntialiasingArg>,
-    /// Maximum number of glass and blended layers per pixel; the nearest are drawn [default: 4 at --quality high].
-    #[arg(long, help_heading = QUALITY, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=64))]
-    layers: Option<u32>,
-    #[command(flatten)]
-    gather: GatherArgs,
     /// Place of interpolation between caches [default: vertex, or texel if vertex would need too many triangles].
     #[arg(long, help_heading = METHOD, hide_short_help = true, value_enum)]
     interp: Option<InterpArg>,
-    /// Quantity that is interpolated between caches.
-    ///
-    /// Each cache condenses all indirect light into one diffuse and one glossy proxy light.
-    #[arg(long, help_heading = METHOD, hide_short_help = true, value_enum, default_value_t)]
-    interpolation: InterpolationArg,
-    /// Weight of each virtual light when the position of a proxy light is averaged.
-    #[arg(long, help_heading = METHOD, hide_short_help = true, value_enum, default_value_t)]
-    proxy_weight: ProxyWeightArg,
-    /// Shadows of indirect light [default: per-light at --quality high].
-    ///
-    /// The default is cheaper above 20000 caches (4096 with --near off), with --gather fragment and with clusters.
-    #[arg(long, help_heading = QUALITY, value_enum)]
-    shadows: Option<ShadowsArg>,
-    /// Light and occlusion from surfaces within one cache spacing [default: rays at --quality high].
-    #[arg(long, help_heading = QUALITY, value_enum)]
-    near: Option<NearArg>,
-    /// Short rays per traced pixel; 16 neighbouring pixels share their rays [default: 8 at --quality high].
-    #[arg(long, help_heading = QUALITY, hide_short_help = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32))]
-    near_rays: Option<u32>,
-    /// Trace short rays at every N-th pixel of every N-th row [default: 2 at --quality high].
-    #[arg(long, help_heading = QUALITY, hide_short_help = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
-    near_every: Option<u32>,
     /// Render the frame N times to measure it; only the last picture is written.
     #[arg(long, help_heading = MEASURE, hide_short_help = true, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     repeat: u32,
@@ -179,82 +122,12 @@ pub(super) fn exposure(text: &str) -> std::result::Result<f32, String> {
 }
 
 impl Render {
-    /// Number of indirect bounces: as requested, else that of the quality level, or 1 if the method supports only one.
-    fn bounces(&self) -> u32 {
-        let has_one = self.gi == GiArg::BruteForce || self.gather.by_draws() || self.gather.by_clusters();
-        self.bounces.unwrap_or(if has_one { 1 } else { self.caches.quality().bounces() })
-    }
-
-    /// Antialiasing: as requested, or that of the quality level.
-    fn antialiasing(&self) -> Antialiasing {
-        self.aa.map_or(self.caches.quality().antialiasing(), Antialiasing::from)
-    }
-
-    /// The settings of the quality level, overridden by the flags.
-    pub(super) fn settings(&self, gpu: &Gpu, caches: usize, reuse: bool) -> Result<Settings> {
-        let mut settings = Settings::at(self.caches.quality(), caches);
-        settings.reuse = reuse;
-        settings.rsm = self.rsm.unwrap_or(settings.rsm);
-        settings.light_shadows = self.shadow_map.unwrap_or(settings.light_shadows);
-        settings.antialiasing = self.antialiasing();
-        settings.layers = self.layers.unwrap_or(settings.layers);
-        settings.indirect = match self.gi {
-            GiArg::PathTrace | GiArg::Off => Indirect::Off,
-            _ if self.bounces() == 0 && (self.gather.by_draws() || self.gather.by_clusters()) => Indirect::Off,
-            GiArg::BruteForce if self.bounces() == 0 => Indirect::Off,
-            GiArg::BruteForce => Indirect::BruteForce,
-            GiArg::Lightskin => Indirect::Caches(Caches {
-                gather: self.gather.gather(gpu, self.shadows(caches), self.near(), self.bounces())?,
-                cull: !self.gather.no_cull,
-                interpolation: match self.interpolation {
-                    InterpolationArg::Facing => Interpolation::Facing,
-                    InterpolationArg::Printed => Interpolation::Printed,
-                },
-                proxy_weight: match self.proxy_weight {
-                    ProxyWeightArg::Irradiance => ProxyWeight::Irradiance,
-                    ProxyWeightArg::FormFactor => ProxyWeight::FormFactor,
-                },
-            }),
-        };
-        Ok(settings)
-    }
-
     /// Tone curve, exposure and background.
     fn look(&self) -> Look {
         Look {
             tonemap: self.tonemap.curve(),
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
             behind: self.sky.behind(),
-        }
-    }
-
-    /// Short rays: as requested, or those of the quality level if the other flags allow them.
-    fn near(&self) -> Near {
-        let of_level = self.caches.quality().near();
-        let near = match self.near {
-            _ if self.gi != GiArg::Lightskin || self.gather.by_clusters() || self.gather.by_draws() => Near::Off,
-            Some(NearArg::Off) => Near::Off,
-            Some(NearArg::Rays) if of_level == Near::Off => Quality::High.near(),
-            Some(NearArg::Rays) | None => of_level,
-        };
-        match near {
-            Near::Off => Near::Off,
-            Near::Rays { per_pixel, every } => {
-                Near::Rays { per_pixel: self.near_rays.unwrap_or(per_pixel), every: self.near_every.unwrap_or(every) }
-            }
-        }
-    }
-
-    /// Shadows of indirect light: as requested, or the best kind that the level, the other flags and the number of
-    /// caches allow.
-    fn shadows(&self, caches: usize) -> Shadows {
-        match self.shadows {
-            _ if self.gi != GiArg::Lightskin => Shadows::Off,
-            Some(asked) => asked.kind(),
-            None if self.gather.by_clusters() => Shadows::Off,
-            // The gather by draws cannot read depth images.
-            None if self.gather.by_draws() => self.caches.quality().shadows(caches, Near::Off).min(Shadows::Proxy),
-            None => self.caches.quality().shadows(caches, self.near()),
         }
     }
 
@@ -296,47 +169,24 @@ impl Render {
         let (animation, first) = motion.moment(0);
         let (_, last) = motion.moment(motion.frames().len() - 1);
         let animation = animation.and_then(|index| scene.animations().nth(index)).map(|(name, ..)| name.to_owned());
-        // No `..`, so that a new setting must be added to this list.
-        let Settings { indirect, rsm, light_shadows, antialiasing, layers, reuse } = *settings;
-        let caches = if let Indirect::Caches(caches) = indirect { Some(caches) } else { None };
-        let gather = caches.map(|caches| caches.gather);
-        let ways = if let Some(Gather::Compute { ways, .. }) = gather { Some(ways) } else { None };
-        vec![
+        let mut facts = vec![
             ("size", json!(self.size)),
-            ("gi", word(self.gi).into()),
-            ("quality", word(self.caches.quality).into()),
-            ("bounces", json!(self.bounces())),
             ("caches_wanted", json!(self.caches.spacing.is_none().then(|| self.caches.count()))),
             ("spacing_wanted", json!(self.caches.spacing)),
             ("angle", json!(self.caches.angle)),
             ("max_edge", json!(self.caches.max_edge)),
             ("references", json!(self.caches.settings().references)),
-            ("rsm", json!(rsm)),
-            ("shadow_map", light_shadows_word(light_shadows).into()),
-            ("aa", json!(antialiasing.samples())),
-            ("layers", json!(layers)),
-            ("gather", json!(gather.map(|gather| gather.name()))),
-            ("gather_vals", json!(ways.map(|ways| ways.source.name()))),
-            ("gather_caches_per_thread", json!(ways.map(|ways| ways.caches_per_thread))),
-            ("gather_split", json!(ways.map(|ways| ways.split))),
-            ("cluster", json!(self.gather.cluster.cluster)),
-            ("cluster_error", json!(self.gather.cluster.cluster_error)),
-            ("cull", json!(caches.is_some_and(|caches| caches.cull))),
-            ("near_rays", json!(gather.map(|gather| gather.near().rays().0))),
-            ("near_every", json!(gather.map(|gather| gather.near().rays().1))),
-            ("shadows", json!(ShadowsArg::of(gather.map_or(Shadows::Off, |gather| gather.shadows())))),
-            ("skip", json!(reuse)),
             ("first_time", json!(animation.is_some().then_some(first))),
             ("last_time", json!(animation.is_some().then_some(last))),
             ("animation", json!(animation)),
             ("interp", word(interp).into()),
-            ("interpolation", word(self.interpolation).into()),
-            ("proxy_weight", word(self.proxy_weight).into()),
             ("tonemap", word(self.tonemap).into()),
             ("ev", json!(self.ev)),
             ("validation", word(self.device.validation).into()),
             ("check", json!(self.check)),
-        ]
+        ];
+        facts.extend(self.drawing.facts(self.caches.quality(), settings));
+        facts
     }
 }
 
@@ -359,17 +209,12 @@ pub(super) fn run(args: &Render) -> Result<()> {
 
 /// Renders a scene, with the edits of a session.
 fn render(args: &Render, session: Option<&Session>) -> Result<()> {
-    args.gather.check(args.shadows(0));
-    match args.gi {
-        GiArg::Lightskin if args.bounces() > 16 => wrong_usage("--bounces: caches support 16 at most"),
-        GiArg::Lightskin if args.bounces() > 1 => args.gather.check_bounces(),
-        GiArg::BruteForce if args.bounces() > 1 => wrong_usage("--gi brute-force has one bounce: use --bounces 0 or 1"),
-        _ => {}
-    }
-    if args.gi == GiArg::PathTrace && (!args.timings.is_empty() || args.trace.is_some()) {
+    let (drawing, level) = (&args.drawing, args.caches.quality());
+    drawing.check(level);
+    if drawing.gi == GiArg::PathTrace && (!args.timings.is_empty() || args.trace.is_some()) {
         wrong_usage("--timings and --trace record the stages of a frame; --gi path-trace has no stages");
     }
-    let first_picture = args.motion.check(&args.out, args.repeat, args.gi == GiArg::PathTrace);
+    let first_picture = args.motion.check(&args.out, args.repeat, drawing.gi == GiArg::PathTrace);
     // Check that all outputs can be written before the long work begins.
     for path in [&first_picture].into_iter().chain(&args.timings).chain(&args.trace) {
         check_writable(path)?;
@@ -380,13 +225,13 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
     args.sky.put_behind(&mut scene)?;
     args.sky.size_lights(&mut scene);
     let mut lights = session.map(|session| session.change(&mut scene));
-    let at_vertices = match (args.gi, args.interp) {
+    let at_vertices = match (drawing.gi, args.interp) {
         // The path tracer does not interpolate, so it needs no small triangles.
         (GiArg::PathTrace, _) => false,
         // Interpolation at pixels needs no small triangles. But the albedos of caches, which further bounces use, are
         // averaged from the triangles of the vertices.
         (GiArg::Lightskin, Some(InterpArg::Texel))
-            if args.bounces.is_none_or(|n| n <= 1) && args.caches.max_edge.is_none() =>
+            if drawing.bounces.is_none_or(|n| n <= 1) && args.caches.max_edge.is_none() =>
         {
             false
         }
@@ -396,7 +241,7 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
     let mut seen_from = camera(&scene, args.camera.as_deref())?;
     let loaded = start.elapsed();
     trace.lap("load");
-    if args.gi == GiArg::PathTrace {
+    if drawing.gi == GiArg::PathTrace {
         if motion.pose(&mut scene, 0) {
             lights.iter_mut().for_each(|lights| lights.follow(&mut scene));
         }
@@ -404,9 +249,9 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
         let picture = path_trace::Picture {
             out: &first_picture,
             size: args.size,
-            bounces: args.bounces,
-            of_engine: args.bounces(),
-            spread: args.antialiasing() != Antialiasing::Off,
+            bounces: drawing.bounces,
+            of_engine: drawing.bounces(level),
+            spread: drawing.antialiasing(level) != Antialiasing::Off,
             layer: args.layer,
             tonemap: args.tonemap,
             ev: args.ev,
@@ -415,9 +260,10 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
         return path_trace::run(&args.path_trace, &scene, &camera, &picture);
     }
     // Caches also carry the direct light of the sky and of small and curved emissive surfaces.
-    let mut baked = (args.gi == GiArg::Lightskin && (args.bounces() > 0 || scene.emits() || scene.sky.is_some()))
-        .then(|| bake_scene(&scene, args.scene.as_deref(), &args.caches.settings(), args.bake_again))
-        .transpose()?;
+    let mut baked = (drawing.gi == GiArg::Lightskin
+        && (drawing.bounces(level) > 0 || scene.emits() || scene.sky.is_some()))
+    .then(|| bake_scene(&scene, args.scene.as_deref(), &args.caches.settings(), args.bake_again))
+    .transpose()?;
     let interp = match &mut baked {
         Some(baked) => args.look_up(&scene, baked, at_vertices)?,
         None => args.interp.unwrap_or_default(),
@@ -425,9 +271,11 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
     trace.lap("bake");
     let gpu = args.device.open()?;
     let count = baked.as_ref().map_or(0, |b| b.count);
-    let settings = args.settings(&gpu, count, motion.reuse)?;
-    if args.shadows.is_none() && args.shadows(count) < args.shadows(0) {
-        log::info!("{count} caches: --shadows {} by default", ShadowsArg::of(args.shadows(count)));
+    let ways = if baked.is_some() && drawing.needs_ways() { tune::fastest(&gpu)?.ways } else { Ways::default() };
+    let settings = Settings { reuse: motion.reuse, ..drawing.settings(level, count, ways) };
+    let shadows = drawing.shadows(level, count);
+    if drawing.shadows.is_none() && shadows < drawing.shadows(level, 0) {
+        log::info!("{count} caches: --shadows {} by default", ShadowsArg::of(shadows));
     }
     if args.trace.is_some() {
         gpu.time_shaders();

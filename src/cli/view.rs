@@ -1,15 +1,16 @@
 //! `lightskin view`: the initial state of the window, and loading of a scene in the same way as `render`.
 
 use super::camera::camera;
+use super::drawing::DrawingArgs;
 use super::picture::{Read, TonemapArg, Writing};
-use super::render::Render;
 use super::sky::SkyArgs;
-use super::words::{AntialiasingArg, ShadowsArg, light_shadows_word};
-use super::{CacheArgs, Command, DeviceArgs, QualityArg, called, divide_for, load_under, word};
+use super::words::{AntialiasingArg, GiArg, ShadowsArg, light_shadows_word};
+use super::{CacheArgs, Command, DeviceArgs, QualityArg, called, divide_for, load_under, word, wrong_usage};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::ValueEnum;
 use lightskin::frame::View as FrameView;
 use lightskin::frame::engine::Loaded;
+use lightskin::frame::settings::Ways;
 use lightskin::frame::{
     ClusterRule, Exposure, Interpolation, Look, Near, Picture, Quality, Settings, Shadows, Tonemap,
 };
@@ -83,6 +84,8 @@ pub(crate) struct View {
     /// Presentation mode. A mode that the device does not support falls back to fifo.
     #[arg(long, value_enum, default_value_t)]
     present: PresentArg,
+    #[command(flatten)]
+    drawing: DrawingArgs,
     #[command(flatten)]
     caches: CacheArgs,
     #[command(flatten)]
@@ -162,8 +165,10 @@ impl View {
         self.caches.quality()
     }
 
+    /// Sets the level with all its settings. The flags of the command line no longer override them.
     pub(crate) fn set_quality(&mut self, quality: Quality) {
         self.caches.quality = QualityArg::of(quality);
+        self.drawing = DrawingArgs::default();
         self.set_caches(None);
     }
 
@@ -204,6 +209,21 @@ impl View {
     pub(crate) fn set_references(&mut self, count: usize) {
         let usual = self.quality().references();
         self.caches.refs = (count != usual).then(|| count.to_string());
+    }
+
+    /// The initial settings with this number of caches. Stages with unchanged inputs are skipped.
+    pub(crate) fn settings(&self, caches: usize, ways: Ways) -> Settings {
+        Settings { reuse: true, ..self.drawing.settings(self.quality(), caches, ways) }
+    }
+
+    /// Ends the process if the flags cannot be combined, or if they request what a window does not show.
+    pub(crate) fn check(&self) {
+        if self.drawing.gi == GiArg::PathTrace {
+            wrong_usage(
+                "--gi path-trace: a window shows the path tracer's picture as the reference. Press Space in it",
+            );
+        }
+        self.drawing.check(self.quality());
     }
 
     /// Initial tone curve, exposure and background.
@@ -312,7 +332,7 @@ impl View {
         words
     }
 
-    /// The arguments to store in a session: words for `View::of_session`, then words for `Drawing::new`.
+    /// The arguments to store in a session: those that load the scene, then those that draw it.
     pub(crate) fn session_words(&self, look: &Look, settings: &Settings, caches: usize) -> [Vec<String>; 2] {
         let mut view = self.clone();
         view.sky.make_absolute();
@@ -330,60 +350,36 @@ impl View {
 
     /// Reads the words of a session. Size, panels, device and other properties of the window stay those of `self`.
     pub(crate) fn of_session(&self, words: &[String]) -> Result<Self> {
-        match parsed("view", words)? {
-            Command::View(view) => Ok(Self {
-                size: self.size,
-                no_panels: self.no_panels,
-                present: self.present,
-                device: self.device.clone(),
-                against: None,
-                reference_spp: self.reference_spp,
-                watch: self.watch,
-                #[cfg(feature = "glsl")]
-                dev: self.dev.clone(),
-                target_hz: self.target_hz,
-                ui_scale: self.ui_scale,
-                max_fps: self.max_fps,
-                reduced_motion: self.reduced_motion,
-                ..*view
-            }),
-            _ => bail!("needs flags of `lightskin view`"),
-        }
+        // Quality and similar flags may appear in both lists.
+        let grammar = super::grammar().mut_subcommand("view", |view| view.args_override_self(true));
+        let all = ["lightskin", "view"].into_iter().chain(words.iter().map(String::as_str)).map(OsString::from);
+        let cli = super::parse(grammar, all.collect()).map_err(|error| {
+            let said = error.to_string();
+            anyhow!("{}", said.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned())
+        })?;
+        let Command::View(view) = cli.command else { bail!("needs flags of `lightskin view`") };
+        Ok(Self {
+            size: self.size,
+            no_panels: self.no_panels,
+            present: self.present,
+            device: self.device.clone(),
+            against: None,
+            reference_spp: self.reference_spp,
+            watch: self.watch,
+            #[cfg(feature = "glsl")]
+            dev: self.dev.clone(),
+            target_hz: self.target_hz,
+            ui_scale: self.ui_scale,
+            max_fps: self.max_fps,
+            reduced_motion: self.reduced_motion,
+            ..*view
+        })
     }
 }
 
 /// Whether the ending of a file's name is that of an environment map.
 pub(crate) fn is_sky(file: &Path) -> bool {
     file.extension().is_some_and(|e| e.eq_ignore_ascii_case("hdr") || e.eq_ignore_ascii_case("exr"))
-}
-
-/// Flags of `render` that were read from a session.
-pub(crate) struct Drawing(Box<Render>);
-
-impl Drawing {
-    /// Reads the second list of words of `View::session_words`.
-    pub(crate) fn new(words: &[String]) -> Result<Self> {
-        let out = ["-o".to_owned(), "picture.png".to_owned()];
-        match parsed("render", &[&out, words].concat())? {
-            Command::Render(render) => Ok(Self(render)),
-            _ => bail!("needs flags of `lightskin render`"),
-        }
-    }
-
-    /// The settings for this number of caches.
-    pub(crate) fn settings(&self, gpu: &Gpu, caches: usize) -> Result<Settings> {
-        self.0.settings(gpu, caches, true)
-    }
-}
-
-/// Parses words as arguments of a subcommand.
-fn parsed(command: &str, words: &[String]) -> Result<Command> {
-    let all = ["lightskin", command].into_iter().chain(words.iter().map(String::as_str)).map(OsString::from);
-    let cli = super::parse(super::grammar(), all.collect()).map_err(|error| {
-        let said = error.to_string();
-        anyhow!("{}", said.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned())
-    })?;
-    Ok(cli.command)
 }
 
 fn shadow_word(shadows: Shadows) -> String {
