@@ -27,7 +27,7 @@ fn a_lost_device_is_replaced() {
         let Some(display) = Display::open() else { return };
         let folder = folder("app_lost");
         let words = ["view", scene, "--size", "64x48", "--reduced-motion"];
-        let lose = format!("120:{call}");
+        let lose = format!("90:{call}");
         let variables = [("LIGHTSKIN_LOSE_DEVICE", lose.as_str())];
         let light = ["--caches", "60", "--quality", "low", "--validation", "sync"];
         let mut app = App::start_with(&display, &folder, &variables, &[&words[..], &light].concat());
@@ -226,8 +226,8 @@ fn panels_have_any_size() {
     fs::create_dir_all(folder.join("config/lightskin")).expect("a folder");
     fs::write(folder.join("config/lightskin/settings.toml"), "ui-scale = 2").expect("settings");
     let scene = cornell();
-    let words = ["view", scene.to_str().expect("a path"), "--size", "64x48"];
-    let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
+    let words = ["view", scene.to_str().expect("a path"), "--size", "64x48", "--caches", "60", "--validation", "sync"];
+    let mut app = App::start(&display, &folder, &[&words[..], &["--quality", "low", "--rsm", "32"]].concat());
     assert_eq!(app.size(), [64 + 640, 48]);
     app.line("scene");
     app.resize(1000, 620);

@@ -199,7 +199,7 @@ fn every_way_of_lighting_caches_agrees() {
     let gpu = gpu();
     // More VALs than the maximum number of loop rounds in older lavapipe, and a number of caches that is no multiple of
     // a group.
-    let (caches, vals) = tune::world(333, 70_001);
+    let (caches, vals) = tune::world(141, 70_001);
     let eye = glam::Vec4::new(-1.5, 0.4, 2.0, 1.0);
     let (atlas, vals_on_device) = (Atlas::of(&gpu, &caches).expect("caches"), Vals::of(&gpu, &vals).expect("VALs"));
     // f64 sums of both lobes, and sums of the magnitudes of their terms.
@@ -226,15 +226,15 @@ fn every_way_of_lighting_caches_agrees() {
     // The longest parts as well.
     let longest = Ways { split: 32_768, ..Ways::default() };
     for ways in [tune::candidates(true), tune::candidates(false), vec![longest]].concat() {
-        let stage = Compute::new(&gpu, 333, 70_001, &ways, ComputeKind::plain(true)).expect("stage 6");
+        let stage = Compute::new(&gpu, 141, 70_001, &ways, ComputeKind::plain(true)).expect("stage 6");
         stages.push((format!("{ways:?}"), Gather::Compute(Box::new(stage))));
     }
     for (source, tile) in [(DrawSource::Texels, 4096), (DrawSource::Storage, 4096), (DrawSource::Texels, 32_768)] {
-        let stage = Draws::new(&gpu, 333, true, false, source, tile, false).expect("stage 6");
+        let stage = Draws::new(&gpu, 141, true, false, source, tile, false).expect("stage 6");
         stages.push((format!("{source:?}, {tile}"), Gather::Draws(Box::new(stage))));
     }
     for (way, stage) in stages {
-        let proxies = Proxies::new(&gpu, 333, true, 1).expect("proxies");
+        let proxies = Proxies::new(&gpu, 141, true, 1).expect("proxies");
         let lit =
             Lit { vals: &vals_on_device, atlas: &atlas, proxies: &proxies, eyes: &[eye], albedos: None, sky: None };
         let mut before: Option<Vec<shared::Proxy>> = None;
@@ -255,7 +255,7 @@ fn every_way_of_lighting_caches_agrees() {
                 assert!(gpu.read::<u32>(&by.arrived).expect("counters").iter().all(|parts| *parts == 0));
             }
         }
-        let found = shot::gather_sums(&gpu, &stage, 333).expect("sums");
+        let found = shot::gather_sums(&gpu, &stage, 141).expect("sums");
         let mut worst = [0.0_f64; 2];
         for (found, twin) in found.iter().zip(&twins) {
             let found: [f32; 16] = bytemuck::cast(*found);

@@ -124,7 +124,7 @@ fn leaf() -> Image {
 
 #[test]
 fn penumbrae_of_lamps_and_suns_are_the_path_tracers() {
-    let size = [192, 120];
+    let size = [128, 80];
     let mut point = lamp(LightKind::Point);
     (point.position, point.radius) = (dvec3(0.3, 2.5, -0.4), 0.15);
     let mut spot = Light { kind: LightKind::Spot { inner: 0.7, outer: 0.9 }, ..point.clone() };

@@ -312,7 +312,7 @@ fn against_brute_force(scene: &Scene, size: [u32; 2], rsm: u32, samples: u32) ->
 #[test]
 fn brute_force_and_the_path_tracer_agree_on_the_cornell_box() {
     let scene = cornell(CornellSurface::Glossy, 0.5);
-    let [diffuse, traced_diffuse, glossy, traced_glossy] = against_brute_force(&scene, [64, 64], 128, 512);
+    let [diffuse, traced_diffuse, glossy, traced_glossy] = against_brute_force(&scene, [64, 64], 128, 256);
     println!("diffuse {diffuse} and {traced_diffuse}, glossy {glossy} and {traced_glossy} cd/m^2");
     assert!((diffuse / traced_diffuse - 1.0).abs() < 0.01, "{diffuse} and {traced_diffuse}");
     assert!((glossy / traced_glossy - 1.0).abs() < 0.02, "{glossy} and {traced_glossy}");

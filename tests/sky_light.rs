@@ -214,8 +214,8 @@ fn surfaces_have_the_skys_light_of_paths() {
     {
         let (mut scene, caches) = divided(&on_a_floor(lobe), spacing);
         uneven().put_over(&mut scene, 16);
-        let size = [96, 54];
-        let (truth, covered) = paths(&scene, size, 16);
+        let size = [80, 45];
+        let (truth, covered) = paths(&scene, size, 12);
         let shot = shoot(&gpu, &scene, Some(&caches), &knobs(size, RAYS));
         let of_surfaces = |all: &dyn Fn(usize) -> [f32; 3]| -> Vec<[f32; 3]> {
             (0..covered.len()).filter(|pixel| covered[*pixel]).map(all).collect()
@@ -339,11 +339,11 @@ fn caches_send_the_skys_light_on() {
 fn every_number_of_bounces_is_the_path_tracers() {
     let (mut scene, caches) = divided(&on_a_floor(None), 0.15);
     uneven().put_over(&mut scene, 16);
-    for bounces in [1, 2, 4] {
-        let size = [96, 54];
+    for bounces in [1, 4] {
+        let size = [80, 45];
         let settings = PathTraceSettings::engine(size, bounces);
         let mut paths = PathTrace::new(&scene, &scene.cameras[0], &settings);
-        (0..32).for_each(|_| paths.pass());
+        (0..24).for_each(|_| paths.pass());
         let shot = shoot(&gpu(), &scene, Some(&caches), &Knobs { bounces, ..knobs(size, RAYS) });
         let shown: Vec<[f32; 3]> = shot.diffuse.iter().map(|p| p.as_vec3().to_array()).collect();
         let m = metrics(&shown, &paths.diffuse());

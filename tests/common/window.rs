@@ -1,13 +1,15 @@
 //! Runs the window from a user's view: real key and button events on a private display.
 
-use crate::cli::keeping;
+use crate::cli::{folder, keeping};
+use lightskin::scene::build::{CornellSurface, cornell as boxed};
+use lightskin::scene::write::write_glb;
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, LazyLock, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use x11rb::connection::Connection;
@@ -517,8 +519,17 @@ pub(crate) fn png(path: &Path) -> ([u16; 2], Vec<[u8; 3]>) {
     ([image.width() as u16, image.height() as u16], image.pixels().map(|p| p.0).collect())
 }
 
+/// The Cornell box as a file, with the diffuse one beside it. It has few triangles: on software devices, those of the
+/// distributed boxes are most of a small frame.
 pub(crate) fn cornell() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/cornell_glossy.glb")
+    static ROOMS: LazyLock<PathBuf> = LazyLock::new(|| {
+        let rooms = folder("app_rooms");
+        for (surface, name) in [(CornellSurface::Diffuse, "diffuse"), (CornellSurface::Glossy, "glossy")] {
+            write_glb(&boxed(surface, 0.5), &rooms.join(format!("cornell_{name}.glb"))).expect("a room");
+        }
+        rooms.join("cornell_glossy.glb")
+    });
+    ROOMS.clone()
 }
 
 /// Few caches and a quality that software devices can draw fast, with validation.
