@@ -112,7 +112,9 @@ pub struct Medium {
     pub entering: f64,
     /// Strength of both sources together, so that `R_d` has the right integral.
     pub strength: DVec3,
-    /// Share of the light that pixels reflect themselves, because caches cannot resolve where it leaves.
+    /// Share of the entering light that leaves again: the integral of `R_d` over the body.
+    pub returned: DVec3,
+    /// Share of the returned light that pixels reflect themselves, because caches cannot resolve where it leaves.
     pub close_by: DVec3,
 }
 
@@ -137,9 +139,11 @@ impl Medium {
         let sigma_tr = DVec3::from((3.0 * (1.0 - albedo) / (2.0 - albedo)).to_array().map(f64::sqrt)) * extinction;
         let depths = [0.3 * path, path * (1.0 + 0.6 * (1.0 + inside) / (1.0 - inside))];
         let integral = SOURCES[0] * (-sigma_tr * depths[0]).exp() + SOURCES[1] * (-sigma_tr * depths[1]).exp();
-        let (entering, strength, close_by) = (1.0 - mean_fresnel(ior), DVec3::ONE, DVec3::ZERO);
-        let medium = Self { extinction, albedo, sigma_tr, depths, ior, entering, strength, close_by };
-        Self { strength: medium.diffuse_albedo() / integral.max(DVec3::splat(f64::MIN_POSITIVE)), ..medium }
+        let (entering, close_by) = (1.0 - mean_fresnel(ior), DVec3::ZERO);
+        let (returned, strength) = (DVec3::ZERO, DVec3::ZERO);
+        let medium = Self { extinction, albedo, sigma_tr, depths, ior, entering, strength, returned, close_by };
+        let returned = medium.diffuse_albedo();
+        Self { strength: returned / integral.max(DVec3::splat(f64::MIN_POSITIVE)), returned, ..medium }
     }
 
     /// Share of the light entering a thick, flat body that leaves it again: the integral of `R_d` over the plane.
@@ -149,7 +153,7 @@ impl Medium {
 
     /// Share of the light entering a closed body of this depth, `3 V / S` \[m\], that leaves it again. For a ball that
     /// is the radius.
-    pub fn returned(&self, depth: f64) -> DVec3 {
+    pub fn returned_at(&self, depth: f64) -> DVec3 {
         let (flat, inside) = (self.diffuse_albedo(), inner_reflectance(self.ior));
         let of = |i: usize| {
             let x = self.sigma_tr[i] * depth;
@@ -185,7 +189,7 @@ impl Medium {
         }
         let distances = Distances::of(shape);
         let surface = shape.area * shape.points.len() as f64;
-        let target = shape.volume.map(|volume| self.returned(3.0 * volume / surface));
+        let target = shape.volume.map(|volume| self.returned_at(3.0 * volume / surface));
         let mut made = self;
         for i in 0..3 {
             let sent = |sigma_tr: f64| distances.sum(&self.of_channel(i, sigma_tr));
@@ -201,17 +205,19 @@ impl Medium {
             }
             let sent = sent(made.sigma_tr[i]);
             if sent > 0.0 {
-                made.strength[i] *= (target / sent).min(MOST_STRONGER);
+                let stronger = (target / sent).min(MOST_STRONGER);
+                made.strength[i] *= stronger;
+                made.returned[i] = sent * stronger;
             }
         }
         made
     }
 
-    /// Share of the light that leaves a half space within a radius \[m\] of where it entered.
+    /// Part of the light leaving a half space that leaves within a radius \[m\] of where it entered.
     pub fn within(&self, radius: f64) -> DVec3 {
         let of = |i: usize| {
             let channel = Channel { strength: 1.0, ..self.of_channel(i, self.sigma_tr[i]) };
-            channel.within(radius) / channel.within(f64::MAX).max(f64::MIN_POSITIVE)
+            channel.within(radius, 0.0) / channel.within(f64::MAX, 0.0).max(f64::MIN_POSITIVE)
         };
         DVec3::new(of(0), of(1), of(2))
     }
@@ -236,11 +242,12 @@ impl Channel {
         self.strength * (at(0) + at(1))
     }
 
-    /// The integral of `R_d` over a flat disc of this radius \[m\].
-    fn within(&self, radius: f64) -> f64 {
+    /// The integral of `R_d` over a flat disc of this radius \[m\], whose centre lies `away` \[m\] across the surface.
+    fn within(&self, radius: f64, away: f64) -> f64 {
         let of = |i: usize| {
-            let (z, d) = (self.depths[i], radius.hypot(self.depths[i]));
-            SOURCES[i] * ((-self.sigma_tr * z).exp() - z / d * (-self.sigma_tr * d).exp())
+            let z = self.depths[i];
+            let part = |d: f64| z / d * (-self.sigma_tr * d).exp();
+            SOURCES[i] * (part(z.hypot(away)) - part(z.hypot(away).hypot(radius)))
         };
         self.strength * (of(0) + of(1))
     }
@@ -250,42 +257,50 @@ impl Channel {
 struct Distances {
     /// Radii \[m\] of flat discs around the point, which stand for the points in them. The mean over all radii counts.
     discs: [f64; 8],
-    /// Beyond the discs, and through the body: distance \[m\] and surface at about this distance [m^2].
-    rings: [Vec<(f64, f64)>; 2],
+    /// Beyond the discs: distance \[m\] and surface at about this distance [m^2].
+    beyond: Vec<(f64, f64)>,
+    /// Opposite the point, within the widest disc: distance of the other side \[m\], and its part of such a disc. The
+    /// points of a thin body may be farther apart than its sides.
+    opposite: Vec<(f64, f64)>,
 }
 
 impl Distances {
     fn of(shape: &Shape) -> Self {
         // Classes of distances differ by 2 %.
         const PER_DOUBLING: f64 = 35.0;
-        let discs = std::array::from_fn(|i| (1.5 + 0.3 * i as f64) * (shape.area / PI).sqrt());
+        let discs: [f64; 8] = std::array::from_fn(|i| (1.5 + 0.3 * i as f64) * (shape.area / PI).sqrt());
+        let widest = discs[discs.len() - 1];
         let mut classes = [const { BTreeMap::<i32, (f64, f64)>::new() }; 2];
         for [x, x_normal] in &shape.points {
             for [y, y_normal] in &shape.points {
                 let r = x.distance(*y);
                 let through = x_normal.dot(*y_normal) < 0.0;
+                let thickness = x_normal.dot(*y - *x).abs();
+                let is_opposite = through && r * r - thickness * thickness < widest * widest;
+                let length = if is_opposite { thickness } else { r };
                 let beyond = discs.iter().filter(|disc| through || r > **disc).count() as f64 / discs.len() as f64;
                 if beyond > 0.0 {
-                    let class = (PER_DOUBLING * r.max(1e-30).log2()).floor() as i32;
-                    let sum = classes[usize::from(through)].entry(class).or_default();
-                    *sum = (sum.0 + beyond * r, sum.1 + beyond);
+                    let class = (PER_DOUBLING * length.max(1e-30).log2()).floor() as i32;
+                    let sum = classes[usize::from(is_opposite)].entry(class).or_default();
+                    *sum = (sum.0 + beyond * length, sum.1 + beyond);
                 }
             }
         }
         let each = shape.area / shape.points.len() as f64;
-        let rings = classes.map(|of| of.into_values().map(|(sum, count)| (sum / count, each * count)).collect());
-        Self { discs, rings }
+        let of_disc = each / (PI * widest * widest);
+        let [beyond, opposite] = classes;
+        let means = |of: BTreeMap<i32, (f64, f64)>, share: f64| {
+            of.into_values().map(|(sum, count)| (sum / count, share * count)).collect()
+        };
+        Self { discs, beyond: means(beyond, each), opposite: means(opposite, of_disc) }
     }
 
     /// Share of the light that enters at a mean point and leaves anywhere.
     fn sum(&self, channel: &Channel) -> f64 {
-        let over = |rings: &[(f64, f64)], widest: f64| -> f64 {
-            rings.iter().map(|(r, area)| area * channel.reflectance(*r, widest)).sum()
-        };
-        let [beyond, through] = &self.rings;
-        // The points of a thin body may be farther apart than its sides.
-        let near = self.discs.iter().map(|disc| channel.within(*disc)).sum::<f64>() / self.discs.len() as f64;
-        near + over(beyond, 0.0) + over(through, self.discs[0])
+        let near = self.discs.iter().map(|disc| channel.within(*disc, 0.0)).sum::<f64>() / self.discs.len() as f64;
+        let beyond: f64 = self.beyond.iter().map(|(r, area)| area * channel.reflectance(*r, 0.0)).sum();
+        let widest = self.discs[self.discs.len() - 1];
+        near + beyond + self.opposite.iter().map(|(away, share)| share * channel.within(widest, *away)).sum::<f64>()
     }
 }
 

@@ -50,8 +50,11 @@ impl FilledBuffers {
                 let size = linear.to_cols_array().map(f64::to_bits);
                 let measured = known.entry((mesh, material, size)).or_insert_with(|| {
                     let (shape, backs) = shape(linear, &scene.meshes[mesh], material);
-                    let medium = Medium { close_by: close_by[material], ..inside.medium().in_body(&shape) };
-                    (medium, Rc::new(backs))
+                    let flat = inside.medium();
+                    let medium = flat.in_body(&shape);
+                    // Pixels reflect what a half space returns close by. The body may return more from afar.
+                    let close_by = close_by[material] * flat.returned / medium.returned.max(flat.returned).max(LEAST);
+                    (Medium { close_by, ..medium }, Rc::new(backs))
                 });
                 parts.push(measured.clone());
             }
@@ -85,8 +88,8 @@ impl FilledBuffers {
     }
 }
 
-/// For each material, the share of the light from inside that leaves within the radius of a mean cache's surface. Caches
-/// cannot resolve it: pixels reflect it themselves.
+/// For each material, the part of the light from inside a half space that leaves within the radius of a mean cache's
+/// surface. Caches cannot resolve it: pixels reflect it themselves.
 pub(super) fn close_by(scene: &Scene, caches: Option<&CacheSet>) -> Vec<DVec3> {
     let mut sums = vec![(0.0, 0.0); scene.materials.len()];
     for model in caches.iter().flat_map(|caches| &caches.models) {
@@ -125,6 +128,9 @@ fn sorted(triangle: &[DVec3; 3]) -> [[u64; 3]; 3] {
     corners.sort_unstable();
     corners
 }
+
+/// Avoids a division by zero for bodies that return nothing.
+const LEAST: DVec3 = DVec3::splat(f64::MIN_POSITIVE);
 
 /// Largest hole of a body that counts as closed, as a share of its surface seen from one side.
 const LARGEST_HOLE: f64 = 0.1;
