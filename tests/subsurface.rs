@@ -408,7 +408,7 @@ fn pictures_are_near_the_path_tracers() {
         let mean: DVec3 = truth.iter().map(|p| Vec3::from(*p).as_dvec3()).sum();
         let bias = picture.iter().copied().sum::<DVec3>() / mean - 1.0;
         println!("ball of 10 cm, mean free path {path} m: bias against walks {bias:+.3}");
-        assert!(bias.abs().max_element() < 0.08, "{bias}");
+        assert!(bias.abs().max_element() < 0.04, "{bias}");
     }
 }
 

@@ -10,6 +10,9 @@ use crate::scene::medium::{Subsurface, fresnel};
 /// Steps after which a walk counts as absorbed.
 const MOST_STEPS: usize = 1 << 20;
 
+/// Steps in a row without any surface ahead after which a walk counts as lost.
+const MOST_MISSED: usize = 64;
+
 /// A medium at one wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Volume {
@@ -42,7 +45,8 @@ pub struct Exit<S> {
 }
 
 /// Walks from a point inside until the walk leaves or is absorbed (`None`). `boundary` returns the distance \[m\] to
-/// the surface in a direction, its unit outward normal and the surface itself. If it returns `None`, the walk is lost.
+/// the surface in a direction, its unit outward normal and the surface itself; `None` where a mesh has a hole. A walk that
+/// has gone through a hole is lost after some steps.
 pub fn walk<S>(
     volume: &Volume,
     mut position: DVec3,
@@ -50,23 +54,28 @@ pub fn walk<S>(
     random: &mut impl FnMut() -> f64,
     mut boundary: impl FnMut(DVec3, DVec3) -> Option<(f64, DVec3, S)>,
 ) -> Option<Exit<S>> {
+    let mut missed = 0;
     for _ in 0..MOST_STEPS {
         let path = -(1.0 - random()).ln() / volume.sigma_t;
-        let (distance, normal, surface) = boundary(position, direction)?;
-        if path < distance {
-            position += path * direction;
-            if random() >= volume.albedo {
-                return None;
+        let met = boundary(position, direction);
+        missed = if met.is_none() { missed + 1 } else { 0 };
+        match met {
+            Some((distance, normal, surface)) if distance <= path => {
+                let cosine = normal.dot(direction);
+                if random() >= fresnel(cosine, 1.0 / volume.ior) {
+                    return Some(Exit { surface, direction });
+                }
+                position += distance * direction;
+                direction -= 2.0 * cosine * normal;
             }
-            direction = scattered(direction, volume.g, random(), random());
-            continue;
+            _ => {
+                position += path * direction;
+                if missed > MOST_MISSED || random() >= volume.albedo {
+                    return None;
+                }
+                direction = scattered(direction, volume.g, random(), random());
+            }
         }
-        let cosine = normal.dot(direction);
-        if random() >= fresnel(cosine, 1.0 / volume.ior) {
-            return Some(Exit { surface, direction });
-        }
-        position += distance * direction;
-        direction -= 2.0 * cosine * normal;
     }
     None
 }

@@ -11,7 +11,7 @@ use crate::{files, kept};
 const MAGIC: [u8; 8] = *b"LSKTRACE";
 
 /// Version of format and algorithm: incremented when either changes the samples.
-const VERSION: u32 = 7;
+const VERSION: u32 = 8;
 
 /// Magic, version, key, samples.
 const HEADER: usize = 8 + 4 + 32 + 4;

@@ -32,7 +32,8 @@ impl PathTrace<'_> {
     pub(super) fn light_inside(&self, surface: &Surface, direction: DVec3, seed: u32, sample: u32) -> DVec3 {
         let Some((instance, material)) = surface.inside else { return DVec3::ZERO };
         let Some(inside) = self.world.scene().materials[material].subsurface else { return DVec3::ZERO };
-        let channel = sample as usize % 3;
+        // Pixels begin with different channels: the samples of a pass are no multiple of three.
+        let channel = (seed.wrapping_add(sample) % 3) as usize;
         let volume = Volume::of(&inside, channel);
         let cosine = -surface.vertex_normal.dot(direction);
         let entered = 1.0 - fresnel(cosine.max(0.0), volume.ior);
