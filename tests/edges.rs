@@ -154,7 +154,7 @@ fn edges_come_near_to_those_of_many_samples() {
     let gpu = gpu();
     let scene = build::atrium();
     let caches = baked(&scene, 1.5, 8);
-    let size = [192, 108];
+    let size = [320, 180];
     let base = Knobs { size, light_shadows: LightShadows::Maps(2048), ..Knobs::plain(size) };
     for [on_edges, all, rmse] in errors(&gpu, &scene, &caches, base) {
         assert!(on_edges < 0.41 && all < 0.4 && rmse < 0.41, "{on_edges} {all} {rmse}");

@@ -85,7 +85,7 @@ fn shaders_are_the_twins() {
 // Walks.
 
 /// Random walks that start below the plane z = 0 in a layer of this thickness \[m\]. Returns the fractions that leave
-/// at the top and at the bottom.
+/// at the top and at the bottom. An infinitely thick layer has no bottom.
 fn layer(volume: &Volume, thickness: f64, begin: impl Fn(&mut Random) -> DVec3, walks: u32) -> [f64; 2] {
     let mut source = Random(7);
     let mut counts = [0.0; 2];
@@ -96,7 +96,7 @@ fn layer(volume: &Volume, thickness: f64, begin: impl Fn(&mut Random) -> DVec3, 
             let up = d.z > 0.0;
             let distance = if up { -p.z / d.z } else { (-thickness - p.z) / d.z };
             let normal = if up { DVec3::Z } else { DVec3::NEG_Z };
-            Some((distance.max(0.0), normal, usize::from(!up)))
+            distance.is_finite().then_some((distance.max(0.0), normal, usize::from(!up)))
         });
         if let Some(exit) = exit {
             counts[exit.surface] += 1.0 / f64::from(walks);
@@ -126,7 +126,7 @@ fn comes_back(albedo: f64) -> f64 {
 fn walks_come_back_as_often_as_theory_says() {
     for albedo in [0.5, 0.9, 0.99] {
         let volume = Volume { sigma_t: 100.0, albedo, g: 0.0, ior: 1.0 };
-        let [back, _] = layer(&volume, 1e9, |_| DVec3::NEG_Z, 60_000);
+        let [back, _] = layer(&volume, f64::INFINITY, |_| DVec3::NEG_Z, 60_000);
         let expected = comes_back(albedo);
         println!("half space of albedo {albedo}: {back:.4} returns, {expected:.4} by Chandrasekhar's H");
         assert!((back - expected).abs() < 0.008, "{back} instead of {expected}");
@@ -143,7 +143,7 @@ fn walks_come_back_as_often_as_theory_says() {
 fn dipoles_send_back_what_walks_do() {
     for (albedo, ior) in [(0.8, 1.3), (0.95, 1.3), (0.99, 1.5), (0.999, 1.3), (0.97, 1.0)] {
         let volume = Volume { sigma_t: 1.0, albedo, g: 0.0, ior };
-        let [back, _] = layer(&volume, 1e9, |random| entered(random, ior), 20_000);
+        let [back, _] = layer(&volume, f64::INFINITY, |random| entered(random, ior), 20_000);
         let dipole = of(albedo as f32, (1.0 - albedo) as f32, 0.0, ior as f32).medium().diffuse_albedo().x;
         let error = dipole / back - 1.0;
         println!(
@@ -170,6 +170,27 @@ fn jensen(r: f64, albedo: f64, ior: f64) -> f64 {
     let boundary = (1.0 + inner_reflectance(ior)) / (1.0 - inner_reflectance(ior));
     let sigma_tr = (3.0 * (1.0 - albedo)).sqrt();
     0.5 * albedo * (source(r, 1.0, sigma_tr, 0.0) + source(r, 1.0 + 4.0 / 3.0 * boundary, sigma_tr, 0.0))
+}
+
+/// Sides of a plate that are farther apart than light travels, but closer than the points of its surface, do not meet.
+#[test]
+fn plates_return_what_half_spaces_do() {
+    const SIDE: usize = 16;
+    let thickness = 0.02;
+    let point = |i: usize| {
+        let [x, y] = [i % SIDE, i / SIDE % SIDE].map(|i| (i as f64 + 0.5) / SIDE as f64);
+        let up = if i < SIDE * SIDE { 1.0 } else { -1.0 };
+        [dvec3(x, y, 0.5 * up * thickness), up * DVec3::Z]
+    };
+    let area = 1.0 / (SIDE * SIDE) as f64;
+    let shape = Shape { points: (0..2 * SIDE * SIDE).map(point).collect(), area, volume: Some(thickness) };
+    for path in [1e-5, 1e-4] {
+        let flat = of(0.99 / path, 0.01 / path, 0.0, 1.3).medium();
+        let plate = flat.in_body(&shape);
+        let stronger = plate.strength.x / flat.strength.x;
+        println!("mean free path {path} m: {stronger:.4} of a half space's strength, returned {:.4}", plate.returned.x);
+        assert!((stronger - 1.0).abs() < 0.02, "{stronger}");
+    }
 }
 
 /// Where light leaves: a ball of so many mean free paths, by angle from the place where it entered, and a half space.

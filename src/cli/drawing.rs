@@ -5,8 +5,7 @@ use super::words::{
     AntialiasingArg, GiArg, InterpolationArg, NearArg, ProxyWeightArg, ShadowsArg, light_shadows, light_shadows_word,
 };
 use super::{word, wrong_usage};
-use lightskin::frame::settings::Caches;
-use lightskin::frame::settings::Ways;
+use lightskin::frame::settings::{Caches, Gather, Ways};
 use lightskin::frame::{
     Antialiasing, Indirect, Interpolation, LightShadows, Near, ProxyWeight, Quality, Settings, Shadows,
 };
@@ -161,7 +160,6 @@ impl DrawingArgs {
 
     /// The settings that affect cost, named like the flags.
     pub(super) fn facts(&self, level: Quality, settings: &Settings) -> Vec<(&'static str, Value)> {
-        use lightskin::frame::settings::Gather;
         // No `..`, so that a new setting must be added to this list.
         let Settings { indirect, rsm, light_shadows, antialiasing, layers, reuse } = *settings;
         let caches = if let Indirect::Caches(caches) = indirect { Some(caches) } else { None };

@@ -2,8 +2,7 @@
 
 use super::wrong_usage;
 use clap::{Args, ValueEnum};
-use lightskin::frame::settings::Gather;
-use lightskin::frame::settings::Ways;
+use lightskin::frame::settings::{Gather, Ways};
 use lightskin::frame::{ClusterRule, Near, Shadows};
 
 /// Flags for the gather.

@@ -45,8 +45,8 @@ pub struct Exit<S> {
 }
 
 /// Walks from a point inside until the walk leaves or is absorbed (`None`). `boundary` returns the distance \[m\] to
-/// the surface in a direction, its unit outward normal and the surface itself; `None` where a mesh has a hole. A walk that
-/// has gone through a hole is lost after some steps.
+/// the surface in a direction, its unit outward normal and the surface itself; `None` where nothing is ahead, as in a hole of
+/// a mesh. A walk with nothing ahead for many steps is lost.
 pub fn walk<S>(
     volume: &Volume,
     mut position: DVec3,

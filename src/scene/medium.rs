@@ -139,11 +139,10 @@ impl Medium {
         let sigma_tr = DVec3::from((3.0 * (1.0 - albedo) / (2.0 - albedo)).to_array().map(f64::sqrt)) * extinction;
         let depths = [0.3 * path, path * (1.0 + 0.6 * (1.0 + inside) / (1.0 - inside))];
         let integral = SOURCES[0] * (-sigma_tr * depths[0]).exp() + SOURCES[1] * (-sigma_tr * depths[1]).exp();
+        let returned = DVec3::from(albedo.to_array().map(|albedo| diffuse_albedo(albedo, ior)));
+        let strength = returned / integral.max(DVec3::splat(f64::MIN_POSITIVE));
         let (entering, close_by) = (1.0 - mean_fresnel(ior), DVec3::ZERO);
-        let (returned, strength) = (DVec3::ZERO, DVec3::ZERO);
-        let medium = Self { extinction, albedo, sigma_tr, depths, ior, entering, strength, returned, close_by };
-        let returned = medium.diffuse_albedo();
-        Self { strength: returned / integral.max(DVec3::splat(f64::MIN_POSITIVE)), returned, ..medium }
+        Self { extinction, albedo, sigma_tr, depths, ior, entering, strength, returned, close_by }
     }
 
     /// Share of the light entering a thick, flat body that leaves it again: the integral of `R_d` over the plane.

@@ -53,7 +53,8 @@ impl FilledBuffers {
                     let flat = inside.medium();
                     let medium = flat.in_body(&shape);
                     // Pixels reflect what a half space returns close by. The body may return more from afar.
-                    let close_by = close_by[material] * flat.returned / medium.returned.max(flat.returned).max(LEAST);
+                    let all = medium.returned.max(flat.returned).max(DVec3::splat(f64::MIN_POSITIVE));
+                    let close_by = close_by[material] * flat.returned / all;
                     (Medium { close_by, ..medium }, Rc::new(backs))
                 });
                 parts.push(measured.clone());
@@ -128,9 +129,6 @@ fn sorted(triangle: &[DVec3; 3]) -> [[u64; 3]; 3] {
     corners.sort_unstable();
     corners
 }
-
-/// Avoids a division by zero for bodies that return nothing.
-const LEAST: DVec3 = DVec3::splat(f64::MIN_POSITIVE);
 
 /// Largest hole of a body that counts as closed, as a share of its surface seen from one side.
 const LARGEST_HOLE: f64 = 0.1;

@@ -10,8 +10,8 @@ use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// A material in the form that shaders use. `close_by` is the share of
-/// the light entering its body that leaves close to where it entered.
+/// A material in the form that shaders use. `close_by` is the part of the light from inside that leaves close to where it
+/// entered.
 pub(super) fn material((m, close_by): (&Material, &DVec3)) -> shared::Material {
     shared::Material {
         base_color: m.base_color,
