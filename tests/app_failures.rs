@@ -62,6 +62,34 @@ fn a_lost_device_is_replaced() {
     }
 }
 
+/// A window whose surface is lost, as while it is drawn or asked for its size, goes on with another surface.
+#[test]
+fn a_lost_surface_is_replaced() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_surface");
+    let scene = cornell();
+    let words = ["view", scene.to_str().expect("a path"), "--size", "64x48", "--no-panels"];
+    let variables = [("LIGHTSKIN_LOSE_DEVICE", "5:surface,10:query")];
+    let mut app = App::start_with(&display, &folder, &variables, &[&words[..], &SMALL].concat());
+    app.line("scene");
+    for turn in 0..8 {
+        app.drag(1, [20, 20], [24 + turn, 20]);
+        app.command();
+    }
+    for (width, height) in [(80, 60), (96, 72)] {
+        app.resize(width, height);
+        app.move_to([20, 20]);
+        app.command();
+        let file = folder.join(app.picture());
+        let (size, picture) = png(&file);
+        assert_eq!([u32::from(size[0]), u32::from(size[1])], [width, height]);
+        app.shows(size, &picture, "a window with another surface");
+        fs::remove_file(file).expect("a picture");
+    }
+    assert_eq!(app.told("the window's surface was lost").len(), 2);
+    app.quit();
+}
+
 /// A second loss within a minute ends the run.
 #[test]
 fn a_device_that_is_lost_again_ends_the_run() {

@@ -317,7 +317,7 @@ fn materials_change_live() {
     let folder = folder("app_materials");
     let mut app = with_materials(&display, &folder);
     let before = png(&folder.join(app.picture())).1;
-    app.slide([64 + 180, 927], 40, "");
+    app.slide([64 + 180, 953], 40, "");
     assert!(png(&folder.join(app.picture())).1 != before, "the emissive surface must change the picture");
     app.press_with("Control", "S");
     let file = folder.join(app.line("session").split_whitespace().last().expect("a name"));
@@ -344,7 +344,7 @@ fn bodies_are_filled() {
         session["materials"]["white"].clone()
     };
     let hollow = picture(&mut app);
-    let [x, below] = [64 + 180, 953];
+    let [x, below] = [64 + 180, 979];
     // The list opens upwards. Its first entry is "off".
     let choose = |app: &mut App, entry: i16| {
         app.tap([x, below], "");

@@ -6,6 +6,8 @@ mod animation;
 #[cfg(feature = "app")]
 mod app;
 #[cfg(feature = "app")]
+mod app_controls;
+#[cfg(feature = "app")]
 mod app_failures;
 #[cfg(feature = "app")]
 mod app_lights;

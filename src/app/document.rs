@@ -8,6 +8,7 @@ use super::inset::Insets;
 use super::loading::Loading;
 use super::marks::Marks;
 use super::pixel::Pixel;
+use super::recent;
 use super::undo::History;
 use super::video::Video;
 use super::watch::Watch;
@@ -72,6 +73,8 @@ pub(super) struct Document {
     pub(super) seen: Seen,
     pub(super) bookmarks: [Option<Seen>; 9],
     pub(super) clip: Clip,
+    /// Recent scenes, newest first.
+    pub(super) recent: Vec<PathBuf>,
     /// The video that is being written.
     pub(super) video: Option<Video>,
     pub(super) lights: Lights,
@@ -103,7 +106,7 @@ impl Document {
     /// Starts to load the scene of the command line.
     pub(super) fn new(gpu: &Gpu, args: &Args, rest: Rest) -> Result<Self> {
         let ways = tune::fastest(gpu)?.ways;
-        let settings = args.settings(args.cache_count(), ways);
+        let settings = args.settings(args.cache_count().unwrap_or(args.quality().caches()), ways);
         let mut document = Self {
             args: args.clone(),
             engine: None,
@@ -121,6 +124,7 @@ impl Document {
             seen: Seen::OfScene(0),
             bookmarks: [None; 9],
             clip: Clip { animation: None, time: 0.0, playing: false, speed: 1.0 },
+            recent: recent::all(),
             video: None,
             lights: Lights::default(),
             gizmo: Gizmo::default(),
@@ -394,5 +398,6 @@ impl Document {
 pub(super) fn copy_edits(old: &Material, new: &mut Material) {
     (new.base_color, new.emissive) = (old.base_color, old.emissive);
     (new.roughness, new.metallic) = (old.roughness, old.metallic);
+    (new.specular, new.specular_color) = (old.specular, old.specular_color);
     (new.subsurface, new.base_color_texture) = (old.subsurface, old.base_color_texture);
 }

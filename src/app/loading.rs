@@ -424,6 +424,7 @@ impl Document {
             self.pose(gpu);
         }
         if let Some(path) = self.args.scene.clone().filter(|_| anew) {
+            self.recent = recent::with(&path, std::mem::take(&mut self.recent));
             self.loading.put_aside(move || recent::add(&path));
         }
         Ok(())

@@ -8,6 +8,7 @@ mod lights;
 mod materials;
 mod memory;
 mod placement;
+mod scene;
 mod sky;
 pub(super) mod style;
 mod subsurface;
@@ -20,12 +21,14 @@ use super::document::Document;
 use super::gizmo;
 use super::input::Wish;
 use super::recent;
+use super::video::Video;
 use crate::cli::{recent, thousands};
 use egui::{ComboBox, DragValue, Grid, ProgressBar, Rect, Response, RichText, ScrollArea, Slider, Ui};
 use lightskin::frame::settings::Gather;
 use lightskin::frame::{Antialiasing, Exposure, Indirect, LightShadows, Near, Quality, Shadows, Tonemap};
 use lightskin::gpu::Gpu;
 use lightskin::scene::Projection;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -74,16 +77,18 @@ pub(super) struct State {
     pub(super) keys: bool,
     /// Whether lights and their handles are shown in the picture.
     pub(super) handles: bool,
-    /// Number and angle of caches while they are being edited.
+    /// Number, spacing and angle of caches while they are being edited.
     caches: Option<u32>,
+    spacing: Option<f64>,
     angle: Option<f64>,
+    /// Groups of the scene whose instances are listed.
+    groups: BTreeSet<usize>,
     /// Frame rate of videos [frames/s].
     fps: f64,
     sky: sky::Edited,
     subsurface: subsurface::Edited,
     /// Text in the field for a path.
     path: String,
-    recent: Vec<PathBuf>,
     /// End of the hint at the first start.
     hint: Option<Instant>,
 }
@@ -136,12 +141,13 @@ impl State {
             keys: false,
             handles: true,
             caches: None,
+            spacing: None,
             angle: None,
+            groups: BTreeSet::new(),
             fps: super::video::FPS,
             sky: sky::Edited::default(),
             subsurface: subsurface::Edited::default(),
             path: String::new(),
-            recent: recent::all(),
             hint,
         }
     }
@@ -180,7 +186,7 @@ impl State {
                     section(ui, "Animation", false, |ui| {
                         animation::show(ui, document, gpu, &mut self.fps, &mut wishes)
                     });
-                    section(ui, "Scene", false, |ui| scene(ui, document, gpu));
+                    section(ui, "Scene", false, |ui| scene::show(ui, document, &mut self.groups, gpu));
                     section(ui, "Placement of caches", false, |ui| self.placement(ui, document));
                     section(ui, "Variants of the method", false, |ui| placement::variants(ui, document));
                     section(ui, "Timings", true, |ui| timings::show(ui, document));
@@ -189,7 +195,7 @@ impl State {
                     section(ui, "Log", false, log);
                 });
             });
-        } else if let Some((done, what)) = document.progress() {
+        } else if let Some((done, what)) = work(document) {
             egui::Area::new(egui::Id::unique("progress"))
                 .fixed_pos([12.0, 12.0])
                 .show(ui.ctx(), |ui| progress(ui, done, &what));
@@ -265,7 +271,7 @@ impl State {
             let help = "Reloads the scene when its files change. The camera stays.";
             ui.checkbox(&mut document.args.watch, "watch").on_hover_text(help);
         });
-        for path in &self.recent {
+        for path in &document.recent {
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             if ui.link(name).on_hover_text(path.display().to_string()).clicked() {
                 wishes.push(Wish::Drop(path.clone()));
@@ -290,17 +296,20 @@ impl State {
                 args.set_quality(quality);
                 document.open(args, false);
             }
-            let mut count = self.caches.unwrap_or(document.wanted().cache_count() as u32);
-            let help = "Approximate number of light caches on the surfaces. More caches give finer indirect light. The time \
-                        grows in proportion, or faster with shadows. New caches are baked in the background.";
-            let response = row(ui, "Caches", help, |ui| {
+            let mut count = self.caches.unwrap_or(document.wanted().cache_count().unwrap_or(document.caches) as u32);
+            let help = format!(
+                "Approximate number of light caches on the surfaces. More caches give finer indirect light. The time \
+                 grows in proportion, or faster with shadows. New caches are baked in the background.{}",
+                cost(document, &["gather", "depth images", "occlude"])
+            );
+            let response = row(ui, "Caches", &help, |ui| {
                 ui.add(DragValue::new(&mut count).range(10..=100_000).speed(10.0).update_while_editing(false))
             });
             self.caches = (response.changed() || response.dragged()).then_some(count).or(self.caches);
             if let (false, Some(count)) = (response.dragged() || response.has_focus(), self.caches) {
                 self.caches = None;
                 let mut args = document.wanted().clone();
-                if args.cache_count() != count as usize {
+                if args.cache_count() != Some(count as usize) {
                     args.set_caches(Some(count));
                     document.open(args, false);
                 }
@@ -414,6 +423,11 @@ fn progress(ui: &mut Ui, done: f32, what: &str) {
     ui.add(ProgressBar::new(done).desired_width(WIDTH - 24.0).text(what.to_owned()));
 }
 
+/// Progress of a job or of a video, from 0 to 1, and what it does.
+fn work(document: &Document) -> Option<(f32, String)> {
+    document.progress().or_else(|| document.video.as_ref().map(Video::progress))
+}
+
 fn heading(ui: &mut Ui, document: &Document, gpu: &Gpu) {
     if let Some(scene) = document.scene() {
         let file = document.args.scene.as_ref().map_or("built in".into(), |path| path.display().to_string());
@@ -424,7 +438,7 @@ fn heading(ui: &mut Ui, document: &Document, gpu: &Gpu) {
         ui.label(RichText::new("lightskin").heading());
     }
     ui.label(RichText::new(&gpu.report().name).weak()).on_hover_text(&gpu.report().driver);
-    match document.progress() {
+    match work(document) {
         Some((done, what)) => progress(ui, done, &what),
         None => {
             ui.label(RichText::new("F1 lists all keys. Drop a scene or a sky here.").weak());
@@ -496,36 +510,6 @@ fn camera(ui: &mut Ui, document: &mut Document, gpu: &Gpu, wishes: &mut Vec<Wish
             wishes.push(Wish::Save);
         }
     });
-}
-
-fn scene(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
-    let Some(scene) = document.scene() else { return };
-    let count = scene.instances.len();
-    let mut toggled = None;
-    let height = ui.spacing().interact_size.y;
-    ScrollArea::vertical().id_salt("instances").max_height(200.0).auto_shrink([false, true]).show_rows(
-        ui,
-        height,
-        count,
-        |ui, range| {
-            for index in range {
-                let instance = &scene.instances[index];
-                let mut visible = !instance.hidden;
-                let help =
-                    "Shows or hides the object. Hidden objects are not drawn and block no light. Caches stay in place.";
-                if ui.checkbox(&mut visible, &instance.name).on_hover_text(help).changed() {
-                    toggled = Some((index, !visible));
-                }
-            }
-        },
-    );
-    if let Some((index, hidden)) = toggled {
-        document.history.change();
-        document.edit(gpu, |scene| {
-            let instance = &mut scene.instances[index];
-            (instance.hidden, instance.moves) = (hidden, true);
-        });
-    }
 }
 
 fn log(ui: &mut Ui) {

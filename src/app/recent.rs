@@ -31,12 +31,17 @@ pub(super) fn all() -> Vec<PathBuf> {
     text.unwrap_or_default().lines().map(PathBuf::from).filter(|path| path.exists()).take(MOST).collect()
 }
 
-/// Puts a scene at the top of the list. If the file cannot be written, only a debug message is logged.
+/// A list with this scene at its top.
+pub(super) fn with(path: &Path, list: Vec<PathBuf>) -> Vec<PathBuf> {
+    let Ok(path) = std::path::absolute(path) else { return list };
+    let before = list.into_iter().filter(|other| *other != path);
+    [path.clone()].into_iter().chain(before).take(MOST).collect()
+}
+
+/// Puts a scene at the top of the file's list. If the file cannot be written, only a debug message is logged.
 pub(super) fn add(path: &Path) {
-    let (Some(file), Ok(path)) = (file(), std::path::absolute(path)) else { return };
-    let before = all().into_iter().filter(|other| *other != path);
-    let lines = [path.clone()].into_iter().chain(before).take(MOST).map(|path| format!("{}\n", path.display()));
-    let text: String = lines.collect();
+    let Some(file) = file() else { return };
+    let text: String = with(path, all()).iter().map(|path| format!("{}\n", path.display())).collect();
     let folder = file.parent().map_or(Ok(()), |folder| std::fs::create_dir_all(folder).map_err(anyhow::Error::from));
     if let Err(error) = folder.and_then(|()| Ok(files::write(&file, text.as_bytes())?)) {
         log::debug!("the list of recent scenes cannot be saved: {error}");

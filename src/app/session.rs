@@ -35,7 +35,8 @@ pub(super) fn save(document: &Document, path: &Path) -> Result<()> {
                         "ior": inside.ior, "scale": inside.scale })
             });
             let value = json!({ "base_color": m.base_color.to_array(), "roughness": m.roughness,
-                                "metallic": m.metallic, "emissive": m.emissive.to_array(), "subsurface": subsurface });
+                                "metallic": m.metallic, "specular": m.specular,
+                                "specular_color": m.specular_color.to_array(), "emissive": m.emissive.to_array(), "subsurface": subsurface });
             (m.name.clone(), value)
         })
         .collect();

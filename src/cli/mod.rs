@@ -167,16 +167,22 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
     done.and_then(|()| output::written())
 }
 
-/// The arguments of the process. `lightskin SCENE` becomes `lightskin view SCENE`.
+/// The arguments of the process. `lightskin SCENE` becomes `lightskin view SCENE`, also with flags before the scene.
 pub(crate) fn arguments() -> Vec<OsString> {
     let mut all: Vec<OsString> = std::env::args_os().collect();
     let is_command = |word: &OsString| Cli::command().get_subcommands().any(|c| word.to_str() == Some(c.get_name()));
     let is_scene = |word: &OsString| {
         let path = Path::new(word);
         path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf") || e.eq_ignore_ascii_case("glb"))
+            || session::is_session(path)
             || path.is_dir()
     };
-    if cfg!(feature = "app") && all.get(1).is_some_and(|first| !is_command(first) && is_scene(first)) {
+    let is_flag = |word: &OsString| word.as_encoded_bytes().starts_with(b"-");
+    let is_view = all.get(1).is_some_and(|first| match first {
+        flag if is_flag(flag) => all.iter().any(is_scene) && !all.iter().any(is_command),
+        first => is_scene(first) && !is_command(first),
+    });
+    if cfg!(feature = "app") && is_view {
         all.insert(1, "view".into());
     }
     all
@@ -246,8 +252,7 @@ struct CacheArgs {
     /// spacing].
     ///
     /// Indirect light is interpolated at vertices, so triangles must be small compared to the cache spacing. By
-    /// default, a scene that would get too many triangles is not subdivided. Its light is then interpolated at pixels
-    /// (--interp texel).
+    /// default, a scene that would get too many triangles is not subdivided. Its light is then interpolated at pixels.
     #[arg(long, hide_short_help = true, value_name = "M", value_parser = at_least_zero)]
     max_edge: Option<f64>,
     /// Number of caches interpolated at each vertex [default: 8 at --quality high].

@@ -4,7 +4,8 @@ use anyhow::{Result, anyhow};
 use std::collections::VecDeque;
 use std::fmt::Arguments;
 use std::io::{Error, ErrorKind, Write, stderr, stdout};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{LazyLock, Mutex, PoisonError};
+use std::time::Instant;
 
 /// Prints a result line on standard output.
 macro_rules! say {
@@ -51,6 +52,9 @@ pub(crate) fn tell(text: Arguments<'_>) {
 /// The latest log messages, oldest first.
 static RECENT: Mutex<VecDeque<String>> = Mutex::new(VecDeque::new());
 
+/// When the log was started. Information and debug messages say how long ago that was.
+static START: LazyLock<Instant> = LazyLock::new(Instant::now);
+
 /// Maximum number of messages in `RECENT`.
 const REMEMBERED: usize = 60;
 
@@ -84,7 +88,10 @@ impl log::Log for Log {
                 log::Level::Error if record.target().starts_with("rfd") => tell(*record.args()),
                 log::Level::Error => tell(format_args!("error: {}", record.args())),
                 log::Level::Warn => tell(*record.args()),
-                level => tell(format_args!("[{}] {}", level.as_str().to_lowercase(), record.args())),
+                level => {
+                    let (at, level) = (START.elapsed().as_secs_f64(), level.as_str().to_lowercase());
+                    tell(format_args!("[{at:.3} s, {level}] {}", record.args()));
+                }
             }
         }
     }
@@ -99,6 +106,7 @@ pub(super) fn start_log(verbose: u8, quiet: bool) {
         (_, 1) => log::LevelFilter::Info,
         _ => log::LevelFilter::Debug,
     };
+    LazyLock::force(&START);
     if log::set_logger(&Log).is_ok() {
         log::set_max_level(level);
     }

@@ -133,13 +133,16 @@ impl Session {
             let color = numbers(&told["base_color"]).map(|color| Vec4::from_array(color).min(Vec4::splat(1e3)));
             let emissive = numbers(&told["emissive"]).map(|color| Vec3::from_array(color).min(Vec3::splat(1e9)));
             let share = |value: &Value| number(value).map(|v| v.clamp(0.0, 1.0));
-            let [roughness, metallic] = ["roughness", "metallic"].map(|key| share(&told[key]));
+            let [roughness, metallic, specular] = ["roughness", "metallic", "specular"].map(|key| share(&told[key]));
+            let reflected = numbers(&told["specular_color"]).map(|color| Vec3::from_array(color).min(Vec3::splat(1e3)));
             let inside = subsurface(&told["subsurface"]);
             for (key, is_read) in [
                 ("base_color", color.is_some()),
                 ("emissive", emissive.is_some()),
                 ("roughness", roughness.is_some()),
                 ("metallic", metallic.is_some()),
+                ("specular", specular.is_some()),
+                ("specular_color", reflected.is_some()),
                 ("subsurface", inside.is_some()),
             ] {
                 if !is_read && !told[key].is_null() {
@@ -153,6 +156,8 @@ impl Session {
             material.emissive = emissive.unwrap_or(material.emissive);
             material.roughness = roughness.unwrap_or(material.roughness);
             material.metallic = metallic.unwrap_or(material.metallic);
+            material.specular = specular.unwrap_or(material.specular);
+            material.specular_color = reflected.unwrap_or(material.specular_color);
             match (inside, told.get("subsurface")) {
                 (Some(inside), _) => material.fill(inside),
                 (None, Some(Value::Null)) => material.subsurface = None,

@@ -172,9 +172,19 @@ impl View {
         self.set_caches(None);
     }
 
-    /// Requested number of caches. The bake meets it approximately.
-    pub(crate) fn cache_count(&self) -> usize {
-        self.caches.count()
+    /// Requested number of caches. The bake meets it approximately. `None` if their spacing is requested instead.
+    pub(crate) fn cache_count(&self) -> Option<usize> {
+        self.caches.spacing.is_none().then(|| self.caches.count())
+    }
+
+    /// Requested distance of caches \[m\], if it replaces their number.
+    pub(crate) fn spacing(&self) -> Option<f64> {
+        self.caches.spacing
+    }
+
+    /// Requests caches at this distance \[m\] instead of a number.
+    pub(crate) fn set_spacing(&mut self, spacing: f64) {
+        (self.caches.caches, self.caches.spacing) = (None, Some(spacing));
     }
 
     /// Requests this number of caches, or that of the quality level for `None`.

@@ -19,6 +19,10 @@ pub enum Call {
     Acquire,
     /// Presenting an image of a window.
     Present,
+    /// Acquiring an image of a window. It loses the window's surface, not the device.
+    Surface,
+    /// Asking what a window supports. It loses the window's surface, not the device.
+    Query,
 }
 
 /// Whether a device acts as if it were lost.
@@ -68,5 +72,15 @@ impl Shared {
             _ => return Ok(()),
         }
         Err(vk::Result::ERROR_DEVICE_LOST)
+    }
+
+    /// Fails once if the surface of a window acts as lost at this kind of call. Called before each one.
+    pub(super) fn check_surface(&self, call: Call) -> Result<(), vk::Result> {
+        let mut lost = lock(&self.lost);
+        if !matches!(*lost, Lost::At(kind) if kind == call) {
+            return Ok(());
+        }
+        *lost = Lost::Never;
+        Err(vk::Result::ERROR_SURFACE_LOST_KHR)
     }
 }

@@ -45,6 +45,9 @@ pub struct Swapchain {
     window: Arc<dyn Window>,
 }
 
+/// Limits, formats and present modes of a window.
+type Supported = (vk::SurfaceCapabilitiesKHR, Vec<vk::SurfaceFormatKHR>, Vec<vk::PresentModeKHR>);
+
 /// The images of a window at one size.
 struct Chain {
     handle: vk::SwapchainKHR,
@@ -177,8 +180,7 @@ impl Swapchain {
                 Ok(shown) => return Ok(shown),
                 Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => self.stale = true,
                 Err(vk::Result::ERROR_SURFACE_LOST_KHR) => {
-                    self.drop_surface();
-                    self.make_surface()?;
+                    self.renew_surface()?;
                 }
                 Err(other) => return Err(vulkan("showing a picture")(other)),
             }
@@ -186,15 +188,27 @@ impl Swapchain {
         Ok(false)
     }
 
-    /// Recreates the images at the window's size. Returns whether the window has pixels.
-    fn make_chain(&mut self, wanted: [u32; 2]) -> Result<bool> {
+    /// What images the window can have.
+    fn query(&self) -> std::result::Result<Supported, vk::Result> {
+        self.gpu.shared.check_surface(Call::Query)?;
         let (physical, surface) = (self.gpu.shared.physical, self.surface);
         // SAFETY: the surface is alive, and the device was found to support it.
-        let found = unsafe {
-            let capabilities = self.surfaces.get_physical_device_surface_capabilities(physical, surface);
-            let formats = self.surfaces.get_physical_device_surface_formats(physical, surface);
-            let modes = self.surfaces.get_physical_device_surface_present_modes(physical, surface);
-            capabilities.and_then(|c| Ok((c, formats?, modes?)))
+        unsafe {
+            let capabilities = self.surfaces.get_physical_device_surface_capabilities(physical, surface)?;
+            let formats = self.surfaces.get_physical_device_surface_formats(physical, surface)?;
+            let modes = self.surfaces.get_physical_device_surface_present_modes(physical, surface)?;
+            Ok((capabilities, formats, modes))
+        }
+    }
+
+    /// Recreates the images at the window's size. Returns whether the window has pixels.
+    fn make_chain(&mut self, wanted: [u32; 2]) -> Result<bool> {
+        let found = match self.query() {
+            Err(vk::Result::ERROR_SURFACE_LOST_KHR) => {
+                self.renew_surface()?;
+                self.query()
+            }
+            found => found,
         };
         let (can, formats, modes) = found.map_err(vulkan("querying the window"))?;
         let of_window = [can.current_extent.width, can.current_extent.height];
@@ -234,7 +248,7 @@ impl Swapchain {
         let alpha = if opaque { vk::CompositeAlphaFlagsKHR::OPAQUE } else { vk::CompositeAlphaFlagsKHR::INHERIT };
         let most = if can.max_image_count == 0 { u32::MAX } else { can.max_image_count };
         let info = vk::SwapchainCreateInfoKHR::default()
-            .surface(surface)
+            .surface(self.surface)
             .min_image_count((can.min_image_count + 1).min(most))
             .image_format(format)
             .image_color_space(vk::ColorSpaceKHR::SRGB_NONLINEAR)
@@ -247,7 +261,14 @@ impl Swapchain {
             .clipped(true)
             .old_swapchain(self.chain.as_ref().map_or(vk::SwapchainKHR::null(), |chain| chain.handle));
         // SAFETY: everything in `info` was found to be supported, and the old chain belongs to this surface.
-        let handle = unsafe { self.chains.create_swapchain(&info, None) };
+        let handle = match unsafe { self.chains.create_swapchain(&info, None) } {
+            // The next frame finds a new surface.
+            Err(vk::Result::ERROR_SURFACE_LOST_KHR) => {
+                self.renew_surface()?;
+                return Ok(false);
+            }
+            made => made,
+        };
         let handle = handle.map_err(vulkan(format!("images of the window, {}x{}", size[0], size[1])))?;
         self.gpu.shared.name(handle, "window.chain");
         self.drop_chain(Some(Chain { handle, images: Vec::new(), filled: Vec::new(), format, size }));
@@ -284,6 +305,7 @@ impl Swapchain {
         let slot = &mut self.slots[self.next];
         self.gpu.shared.wait_for(slot.done).map_err(|_| vk::Result::ERROR_DEVICE_LOST)?;
         self.gpu.shared.check_lost(Call::Acquire)?;
+        self.gpu.shared.check_surface(Call::Surface)?;
         // SAFETY: chain and semaphore are alive; the semaphore's last wait is done with its slot.
         let acquired =
             unsafe { self.chains.acquire_next_image(chain.handle, PATIENCE, slot.acquired, vk::Fence::null()) };
@@ -353,6 +375,13 @@ impl Swapchain {
             }
             self.chains.destroy_swapchain(old.handle, None);
         }
+    }
+
+    /// Replaces a surface that was lost.
+    fn renew_surface(&mut self) -> Result<()> {
+        log::warn!("the window's surface was lost; lightskin continues on a new one");
+        self.drop_surface();
+        self.make_surface()
     }
 
     fn drop_surface(&mut self) {

@@ -22,7 +22,7 @@ use glam::{DAffine3, DQuat, DVec3};
 use super::accessor::{Accessors, Contents};
 use super::animation::{AnimatedInstance, Hold, Local, Skin};
 use super::json::{Document, Object, error_at, plural, printable};
-use super::{Instance, Mesh, Primitive, Scene};
+use super::{Group, Instance, Mesh, Primitive, Scene};
 use crate::Result;
 use animations::{Aim, Played};
 use bend::Bent;
@@ -71,9 +71,29 @@ pub fn load(path: &Path) -> Result<Scene> {
         joints: 0,
         hung: Hung::default(),
     };
+    let mut groups = Vec::new();
+    let mut open: Vec<(usize, usize)> = Vec::new();
     for &node in &graph.drawn {
+        while open.last().is_some_and(|(parent, _)| graph.parents[node] != Some(*parent)) {
+            close(&mut open, &mut groups, &scene);
+        }
+        open.push((node, groups.len()));
+        let (name, first) = (graph.nodes[node].name(|| format!("node {node}")), scene.instances.len());
+        groups.push(Group { name, instances: first..first });
         builder.node(node, &mut scene, &mut notes)?;
     }
+    while !open.is_empty() {
+        close(&mut open, &mut groups, &scene);
+    }
+    let mut outer = 0..scene.instances.len();
+    groups.retain(|group| {
+        let is_kept = group.instances.len() > 1 && group.instances != outer;
+        if is_kept {
+            outer = group.instances.clone();
+        }
+        is_kept
+    });
+    scene.groups = groups;
     if scene.triangle_count() == 0 {
         let why = if graph.drawn.is_empty() { "its scene has no nodes" } else { "none of its nodes draws any" };
         let left_out: Vec<String> = notes.finish();
@@ -105,6 +125,13 @@ pub fn load(path: &Path) -> Result<Scene> {
     }
     scene.notes = notes.finish();
     Ok(scene)
+}
+
+/// Ends the innermost open group, given by its node and its index, at the scene's last instance.
+fn close(open: &mut Vec<(usize, usize)>, groups: &mut [Group], scene: &Scene) {
+    if let Some((_, group)) = open.pop() {
+        groups[group].instances.end = scene.instances.len();
+    }
 }
 
 /// Largest coordinate of a mesh's vertices in model space, along any axis.

@@ -22,6 +22,8 @@ pub mod studio;
 pub mod tessellate;
 pub mod write;
 
+use std::ops::Range;
+
 use glam::{Affine2, DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
 
 /// A complete scene: surfaces, materials, lights and cameras.
@@ -37,6 +39,8 @@ pub struct Scene {
     pub images: Vec<Image>,
     /// Meshes placed in the world.
     pub instances: Vec<Instance>,
+    /// Groups of instances, from the file's node tree.
+    pub groups: Vec<Group>,
     /// Punctual lights, including the lights of the sky.
     pub lights: Vec<Light>,
     /// The sky that some of the lights represent.
@@ -122,6 +126,16 @@ pub struct Instance {
     /// Announces that edits will move, hide or show this instance, so that ray structures are prepared for that from
     /// the start. Not needed for animated instances.
     pub moves: bool,
+}
+
+/// A node of the file with several instances in and below it. Groups are nested, outer ones first. A node that holds
+/// exactly the instances of another group, or all of the scene, is not listed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// glTF's node name, or a generated one.
+    pub name: String,
+    /// Indices into `Scene::instances`.
+    pub instances: Range<usize>,
 }
 
 /// Metallic-roughness material of glTF, with the extensions the method can use.

@@ -41,7 +41,7 @@ impl Display {
         }
         // The server writes its number to standard output. Without `-noreset` it rejects clients that connect while the
         // last one leaves.
-        let arguments = ["-displayfd", "1", "-screen", "0", "1280x1280x24", "-nolisten", "tcp", "-noreset"];
+        let arguments = ["-displayfd", "1", "-screen", "0", "1280x1800x24", "-nolisten", "tcp", "-noreset"];
         let started = Command::new("Xvfb").args(arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let Ok(mut server) = started else {
             println!("skipped: no Xvfb here; scripts/setup installs it");

@@ -41,6 +41,24 @@ pub(super) fn show(ui: &mut Ui, document: &mut Document, edited: &mut Edited, gp
         let help = format!("From 0, a dielectric, to 1, a metal.{map}{of_lobe}{of_medium}");
         let metallic = row(ui, "Metallic", &help, |ui| ui.add_enabled(!own && !filled, slider(&mut material.metallic)));
         changed |= is_edited(&metallic);
+        let map = textured(material.specular_texture.is_some() || material.specular_color_texture.is_some());
+        let help = format!(
+            "Strength and colour, linear, of what a dielectric reflects before light enters it. 1 and white follow from \
+             its index of refraction, {:.2}. Metals ignore it.{map}{of_lobe}",
+            material.ior
+        );
+        let mut color = material.specular_color.to_array();
+        row(ui, "Specular", &help, |ui| {
+            let add = |ui: &mut Ui| {
+                let tint = ui.color_edit_button_rgb(&mut color);
+                let strength = DragValue::new(&mut material.specular).speed(0.01).range(0.0..=1.0).max_decimals(2);
+                let strength = ui.add(strength);
+                changed |= tint.changed() || is_edited(&strength);
+                tint.union(strength)
+            };
+            ui.add_enabled_ui(!own, |ui| ui.horizontal(add).inner).inner
+        });
+        material.specular_color = Vec3::from(color);
         let help = format!(
             "Light that the surface emits: colour and radiance in cd/m\u{b2}.{} When a surface starts or stops emitting, the whole \
              scene is uploaded again.",

@@ -2,6 +2,7 @@
 
 use super::{State, choose, cost, row, rows};
 use crate::app::document::Document;
+use crate::cli::view::View as Args;
 use egui::{DragValue, Slider, Ui};
 use lightskin::frame::settings::{Caches, Gather};
 use lightskin::frame::{ClusterRule, Indirect, Interpolation, Shadows};
@@ -14,6 +15,20 @@ impl State {
     pub(super) fn placement(&mut self, ui: &mut Ui, document: &mut Document) {
         let mut args = document.wanted().clone();
         rows(ui, "placement", |ui| {
+            if let Some(spacing) = document.engine.as_ref().and_then(|engine| engine.baked()).map(|set| set.spacing) {
+                let mut edited = self.spacing.or(args.spacing()).unwrap_or(spacing);
+                let help = "Largest distance from a surface point to its nearest cache. It replaces the number of caches. New \
+                            caches are baked in the background.";
+                let drag = DragValue::new(&mut edited).range(1e-6..=1e6).speed(0.01 * spacing).suffix(" m");
+                let response = row(ui, "Spacing", help, |ui| ui.add(drag.max_decimals(4).update_while_editing(false)));
+                self.spacing = response.changed().then_some(edited).or(self.spacing);
+                if !response.dragged()
+                    && !response.has_focus()
+                    && let Some(edited) = self.spacing.take()
+                {
+                    args.set_spacing(edited);
+                }
+            }
             let mut angle = self.angle.unwrap_or(args.angle());
             let help = "Largest angle between a surface and its cache. A smaller angle puts more of the caches on curved \
                         surfaces and at edges. New caches are baked in the background.";
@@ -30,7 +45,8 @@ impl State {
             args.set_references(references);
         });
         let now = document.wanted();
-        if (args.angle(), args.references()) != (now.angle(), now.references()) {
+        let placed = |args: &Args| (args.spacing(), args.angle(), args.references());
+        if placed(&args) != placed(now) {
             document.open(args, false);
         }
     }

@@ -2,7 +2,8 @@
 //!
 //! - `LIGHTSKIN_LOSE_DEVICE=40:submit,60:present` loses the device twice: at the first submission from the 40th frame
 //!   with a scene on, and at the first presentation from the 60th on. The calls are submit, wait, copy, acquire and
-//!   present.
+//!   present. The calls surface and query lose only the window's surface: when an image is acquired, and when the
+//!   window is asked what it supports.
 //! - `LIGHTSKIN_DEVICE_MIB=64` limits the memory for buffers and images [MiB].
 
 use anyhow::{Context, Result, bail};
@@ -10,12 +11,14 @@ use lightskin::gpu::{Call, Gpu};
 use std::collections::VecDeque;
 
 /// Calls by their names in the variable.
-const CALLS: [(&str, Call); 5] = [
+const CALLS: [(&str, Call); 7] = [
     ("submit", Call::Submit),
     ("wait", Call::Wait),
     ("copy", Call::Copy),
     ("acquire", Call::Acquire),
     ("present", Call::Present),
+    ("surface", Call::Surface),
+    ("query", Call::Query),
 ];
 
 /// The requested failures.
