@@ -41,6 +41,19 @@ pub fn read(path: &Path) -> std::result::Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
+/// The paths of what lies in a folder, sorted. The error describes the problem without the folder's name.
+pub fn list(folder: &Path) -> std::result::Result<Vec<PathBuf>, String> {
+    let entries = fs::read_dir(folder).map_err(|error| match error.kind() {
+        ErrorKind::NotFound => "does not exist; check the path".to_owned(),
+        ErrorKind::PermissionDenied => "cannot be listed; check the folder's permissions".to_owned(),
+        ErrorKind::NotADirectory => "is not a folder; give a folder".to_owned(),
+        _ => format!("cannot be listed: {error}; choose another folder"),
+    })?;
+    let mut paths: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    paths.sort();
+    Ok(paths)
+}
+
 /// Writes a file under a temporary name in the same folder and renames it when it is complete on disk. A reader sees
 /// the old file or the whole new one.
 ///
@@ -114,6 +127,10 @@ impl Unfinished {
     /// Creates a temporary file that no other process writes to.
     fn beside(path: &Path) -> io::Result<(Self, File)> {
         let name = path.file_name().ok_or_else(|| io::Error::other("the path names no file"))?;
+        let text = path.as_os_str().as_encoded_bytes();
+        if text.last().is_some_and(|last| std::path::is_separator(char::from(*last))) {
+            return Err(ErrorKind::IsADirectory.into());
+        }
         match fs::metadata(path) {
             Ok(there) if there.is_dir() => return Err(ErrorKind::IsADirectory.into()),
             Ok(there) if !there.is_file() => return Err(io::Error::other("it is not a regular file")),

@@ -17,6 +17,7 @@ use image::ExtendedColorType;
 use image::ImageFormat;
 use std::io::BufReader;
 use std::path::Path;
+use std::sync::LazyLock;
 
 /// All mip levels of an RGBA8 image, largest first. Colours are averaged as linear values, not as sRGB codes.
 pub fn mip_chain(rgba: &[u8], width: u32, height: u32, srgb: bool) -> Vec<Vec<u8>> {
@@ -167,7 +168,8 @@ pub fn read_picture(path: &Path, layer: Option<&str>) -> Result<Picture> {
         if let Some(layer) = layer {
             return Err(bad(format!("has no layer '{layer}'; only .exr files have layers")));
         }
-        let format = ImageFormat::from_path(path).map_err(|e| bad(e.to_string()))?;
+        let format = ImageFormat::from_path(path)
+            .map_err(|_| bad("its name has no ending of an image; give a .png or .exr file".into()))?;
         let decoded = decoded(path, format).map_err(bad)?.into_rgb8();
         let (width, height) = decoded.dimensions();
         let linear = |p: &image::Rgb<u8>| p.0.map(linear_from_srgb);
@@ -179,10 +181,15 @@ pub fn read_picture(path: &Path, layer: Option<&str>) -> Result<Picture> {
     Err(bad("OpenEXR is not in this build; build with feature `exr`".into()))
 }
 
-/// Linear value of an 8-bit sRGB code.
+/// Linear value of an 8-bit sRGB code; IEC 61966-2-1.
 pub fn linear_from_srgb(code: u8) -> f32 {
-    let v = f32::from(code) / 255.0;
-    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+    static TABLE: LazyLock<[f32; 256]> = LazyLock::new(|| {
+        std::array::from_fn(|code| {
+            let v = code as f32 / 255.0;
+            if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+        })
+    });
+    TABLE[usize::from(code)]
 }
 
 /// Writes an 8-bit sRGB PNG from RGBA bytes. Alpha is written only if some pixel is not opaque.

@@ -325,7 +325,10 @@ fn bad_input_is_one_line_and_exit_code_1() {
     fails(&at, &["render", ATRIUM, "--device", "nonesuch"], 1, &["nonesuch", "matches none"]);
     fails(&at, &["render", "-o", "no/such/folder/a.png"], 1, &["no/such/folder/a.png", "does not exist"]);
     fails(&at, &["render", "-o", "folder/x/a.png"], 1, &["cannot write"]);
-    fails(&at, &["bake", "--spacing", "1e-9"], 1, &["larger spacing"]);
+    fails(&at, &["render", "-o", "a.png/"], 1, &["a.png/: cannot write", "give the name of a file"]);
+    fails(&at, &["lab", "sheet", "nonesuch"], 1, &["nonesuch: does not exist; check the path"]);
+    fails(&at, &["compare", ATRIUM, ATRIUM], 1, &["give a .png or .exr file"]);
+    fails(&at, &["bake", "--spacing", "1e-9"], 1, &["larger --spacing"]);
     assert_eq!(left(&at), before, "no files must be left behind");
 }
 

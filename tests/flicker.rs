@@ -27,10 +27,10 @@ fn what_stands_still_does_not_flicker() {
     for motion in [Motion::Light, Motion::Camera, Motion::Model] {
         let rows = measure(&gpu, &scene, &[caches(&scene)], motion, &job(&scene, &[16], 0.0), &|_, _| {});
         let [row] = rows.expect("measured")[..] else { panic!("one row") };
-        let Figures { kept, change, flicker, flicker_trimmed, vals_own, tremble, of_mean, of_caches } = row.figures;
+        let Figures { kept, change, flicker, flicker_trimmed, vals_own, jitter, of_mean, of_caches } = row.figures;
         assert!(kept > 0.8 && row.caches > 150, "{row:?}");
         assert_eq!([flicker, flicker_trimmed, vals_own, of_caches], [0.0; 4]);
-        assert_eq!([change, tremble, of_mean], [[0.0; 2]; 3]);
+        assert_eq!([change, jitter, of_mean], [[0.0; 2]; 3]);
     }
     assert_clean(&gpu);
 }
@@ -47,7 +47,7 @@ fn a_moving_light_flickers_and_more_vals_flicker_less() {
         assert!(f.change.iter().all(|c| *c > 0.0) && f.flicker > 0.0, "{f:?}");
     }
     for pair in figures.windows(2) {
-        let all = |f: &Figures| [f.flicker, f.vals_own, f.tremble[0], f.tremble[1], f.of_mean[0], f.of_mean[1]];
+        let all = |f: &Figures| [f.flicker, f.vals_own, f.jitter[0], f.jitter[1], f.of_mean[0], f.of_mean[1]];
         let less = all(&pair[1]).iter().zip(all(&pair[0])).all(|(finer, coarser)| *finer < coarser);
         assert!(less, "{pair:?}");
     }
@@ -64,7 +64,7 @@ fn clusters_are_measured_by_their_rule() {
         let job = Job { cluster: radii.map(ClusterRule::Distance), ..job(&scene, &[32], 1.0) };
         measure(&gpu, &scene, &set, Motion::Light, &job, &|_, _| {}).expect("measured")[0].figures
     });
-    let of_truth = |f: &Figures| [f.vals_own, f.change[1], f.tremble[1], f.of_mean[1]];
+    let of_truth = |f: &Figures| [f.vals_own, f.change[1], f.jitter[1], f.of_mean[1]];
     let apart = |f: &Figures| (f.of_caches / none.of_caches - 1.0).abs();
     assert!(of_truth(&none) == of_truth(&fine) && of_truth(&none) == of_truth(&coarse), "{none:?} {coarse:?}");
     assert!(apart(&fine) < 1e-4 && apart(&coarse) > 1e-3, "{none:?} {fine:?} {coarse:?}");

@@ -72,15 +72,15 @@ impl Voxels {
         let layers = ((surface.high - surface.low) / side).max_element() + 2.0;
         if layers.is_nan() || layers >= AXIS_LIMIT {
             return Err(Error::TooLarge(format!(
-                "mesh '{name}': its length is {layers:.1e} times half of the spacing of {:.3e} m: ask for a larger \
-                 spacing or fewer caches",
+                "mesh '{name}' is too large for caches {:.1e} m apart: use a larger --spacing or fewer --caches",
                 2.0 * side
             )));
         }
         let pieces = Self::estimate(surface, side);
         if pieces.is_nan() || pieces >= PIECE_LIMIT + 2.0 * surface.triangles.len() as f64 {
             return Err(Error::TooLarge(format!(
-                "mesh '{name}': a spacing of {:.3e} m cuts it into about {pieces:.1e} pieces: ask for a larger spacing",
+                "mesh '{name}' is too large for caches {:.1e} m apart (about {pieces:.1e} pieces): use a larger --spacing or \
+                 fewer --caches",
                 2.0 * side
             )));
         }

@@ -39,11 +39,12 @@ mod words;
 pub(crate) use output::recent;
 pub(crate) use output::tell;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::bake::{BakeSettings, CacheSet, Density};
+use lightskin::files;
 use lightskin::frame::Quality;
 use lightskin::gpu::{Gpu, Options, Validation};
 use lightskin::scene::build::Fineness;
@@ -510,10 +511,8 @@ fn gltf_in(path: &Path) -> Result<PathBuf> {
     if !path.is_dir() {
         return Ok(path.to_owned());
     }
-    let entries = std::fs::read_dir(path).with_context(|| path.display().to_string())?;
-    let mut files: Vec<_> = entries.filter_map(|e| e.ok().map(|e| e.path())).collect();
+    let mut files = files::list(path).map_err(|reason| anyhow!("{}: {reason}", path.display()))?;
     files.retain(|f| f.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf") || e.eq_ignore_ascii_case("glb")));
-    files.sort();
     match files.into_iter().next() {
         Some(file) => Ok(file),
         None => bail!("{}: the folder contains no .gltf or .glb file", path.display()),

@@ -11,7 +11,7 @@
 //! - *flicker* `rms(D L - D B)`: change by caches and interpolation that the VALs do not have; also without the worst
 //!   1 % of pixels, which lie in creases next to lit surfaces where a single VAL is near enough to be visible;
 //! - *VALs' own* `rms(D B - D F)`: change by the VALs that finer ones do not have;
-//! - *tremble* `rms(D2 L)`, `rms(D2 B)`: needs no other picture to compare with. The second difference of smoothly
+//! - *jitter* `rms(D2 L)`, `rms(D2 B)`: needs no other picture to compare with. The second difference of smoothly
 //!   changing light is of the order of the squared step, almost 0; light that alternates has twice its change;
 //! - *of the mean* `rms(D2 mean_p L)`, `rms(D2 mean_p B)`: the same for the picture's mean, which averages out pixel
 //!   noise, but not pumping of all light.
@@ -111,7 +111,7 @@ pub struct Figures {
     /// Difference between the changes by brute force and by brute force with finer VALs.
     pub vals_own: f64,
     /// Second difference: caches, brute force.
-    pub tremble: [f64; 2],
+    pub jitter: [f64; 2],
     /// Second difference of the picture's mean: caches, brute force.
     pub of_mean: [f64; 2],
     /// Change between frames of the caches' diffuse irradiance, relative to its own mean.
@@ -215,7 +215,7 @@ impl Figures {
         worst.sort_by(f64::total_cmp);
         worst.truncate(worst.len() * 99 / 100);
         let calm = worst.iter().sum::<f64>() / (steps * worst.len().max(1)) as f64;
-        let tremble = |s: &Sequence| relative(&mut (1..steps).map(|t| over_pixels(&|p| second(s, t, p))), 3.0 * count);
+        let jitter = |s: &Sequence| relative(&mut (1..steps).map(|t| over_pixels(&|p| second(s, t, p))), 3.0 * count);
         let of_mean = |s: &Sequence| {
             let means: Vec<DVec3> = s.iter().map(|frame| mean(frame)).collect();
             let bend = |t: usize| (means[t + 1] - 2.0 * means[t] + means[t - 1]).length_squared();
@@ -227,7 +227,7 @@ impl Figures {
             flicker: apart(ours, truth),
             flicker_trimmed: relative(&mut std::iter::once(calm), 3.0),
             vals_own: apart(truth, fine),
-            tremble: [tremble(ours), tremble(truth)],
+            jitter: [jitter(ours), jitter(truth)],
             of_mean: [of_mean(ours), of_mean(truth)],
             of_caches: 0.0,
         }
@@ -372,19 +372,19 @@ mod tests {
         near(f.change[0], 0.1);
         near(f.change[1], 0.1);
         near(f.kept, 0.75);
-        assert_eq!((f.flicker, f.vals_own, f.tremble, f.of_mean), (0.0, 0.0, [0.0; 2], [0.0; 2]));
+        assert_eq!((f.flicker, f.vals_own, f.jitter, f.of_mean), (0.0, 0.0, [0.0; 2], [0.0; 2]));
     }
 
     #[test]
-    fn what_jumps_to_and_fro_trembles_by_twice_its_change() {
+    fn what_jumps_to_and_fro_jitters_by_twice_its_change() {
         let to_and_fro = |t: f64| 10.0 + if t % 2.0 == 0.0 { 0.5 } else { -0.5 };
         let f = figures(to_and_fro, |_| 10.0);
         near(f.change[0], 0.1);
         near(f.flicker, 0.1);
         near(f.flicker_trimmed, 0.1);
-        near(f.tremble[0], 0.2);
+        near(f.jitter[0], 0.2);
         near(f.of_mean[0], 0.2);
-        assert_eq!((f.change[1], f.tremble[1], f.of_mean[1], f.vals_own), (0.0, 0.0, 0.0, 0.0));
+        assert_eq!((f.change[1], f.jitter[1], f.of_mean[1], f.vals_own), (0.0, 0.0, 0.0, 0.0));
     }
 
     #[test]
@@ -393,7 +393,7 @@ mod tests {
         let ours: Sequence = [1.0, -1.0, 1.0, -1.0].map(frame).to_vec();
         let truth: Sequence = [0.0; 4].map(frame).to_vec();
         let f = Figures::new(&ours, &truth, &truth, &[true; 2]);
-        near(f.tremble[0], 0.4);
+        near(f.jitter[0], 0.4);
         assert_eq!(f.of_mean, [0.0; 2]);
     }
 

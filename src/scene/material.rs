@@ -7,6 +7,7 @@ use glam::{Affine2, DVec3, Vec2, Vec3, Vec4};
 use super::animation::Quantity;
 use super::medium::Subsurface;
 use super::{Image, Material, Scene, Texture, Wrap, ggx, sheen};
+use crate::image::linear_from_srgb;
 
 /// Limit of texture coordinates and of the numbers in a texture transform. Far beyond it single precision cannot
 /// resolve texels, and products overflow.
@@ -374,14 +375,9 @@ impl Image {
     pub fn texel(&self, x: u32, y: u32, srgb: bool) -> Vec4 {
         let at = 4 * (y as usize * self.width as usize + x as usize);
         let number = |channel: usize| f32::from(self.rgba[at + channel]) / 255.0;
-        let decoded = |channel| if srgb { srgb_to_linear(number(channel)) } else { number(channel) };
+        let decoded = |channel| if srgb { linear_from_srgb(self.rgba[at + channel]) } else { number(channel) };
         Vec4::new(decoded(0), decoded(1), decoded(2), number(3))
     }
-}
-
-/// sRGB transfer function, IEC 61966-2-1.
-fn srgb_to_linear(x: f32) -> f32 {
-    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
 /// Wraps a whole texel coordinate into [0, size).
@@ -477,6 +473,6 @@ mod tests {
         assert_eq!(value(Wrap::Repeat, false, 0.0), 0.5);
         assert_eq!(value(Wrap::Clamp, false, 0.0), 0.0);
         assert!(value(Wrap::Repeat, false, 1e30).is_finite());
-        assert!((srgb_to_linear(0.5) - 0.21404).abs() < 1e-5);
+        assert!((linear_from_srgb(128) - 0.215_861).abs() < 1e-5);
     }
 }

@@ -38,7 +38,7 @@ pub(super) struct Choices {
     /// Uses SCENE, or the atrium and five built-in scenes whose indirect light is mostly shadowed.
     #[arg(long, conflicts_with_all = ["clusters", "levels"])]
     shadows: bool,
-    /// Samples per pixel of the path tracer with --shadows. They are stored: a larger N refines.
+    /// Samples per pixel of the path tracer with --shadows. They are stored; a later run with a larger N uses them again.
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=1_000_000))]
     spp: u32,
     #[command(flatten)]

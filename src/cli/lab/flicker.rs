@@ -103,7 +103,7 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
         );
         say!("in % of the mean of brute force; caches / brute force\n");
         say!(
-            "| moves | RSM | caches | change | **flicker** (without the worst 1 %) | VALs' own | tremble | of the mean | of the caches' diffuse light |"
+            "| moves | RSM | caches | change | **flicker** (without the worst 1 %) | VALs' own | jitter | of the mean | of the caches' diffuse light |"
         );
         say!("| --- | --- | --- | --- | --- | --- | --- | --- | --- |");
     }
@@ -138,14 +138,14 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
 
 fn print(row: &Flicker, moves: &str, args: &FlickerArgs) {
     let Flicker { motion: _, rsm, caches, figures } = *row;
-    let Figures { kept, change, flicker, flicker_trimmed, vals_own, tremble, of_mean, of_caches } = figures;
+    let Figures { kept, change, flicker, flicker_trimmed, vals_own, jitter, of_mean, of_caches } = figures;
     if args.json {
         say!(
             "{}",
             serde_json::json!({
                 "schema": 1, "moves": moves, "cluster": args.cluster.cluster,
                 "cluster_error": args.cluster.cluster_error, "rsm": rsm, "caches": caches, "kept": kept, "change": change,
-                "flicker": flicker, "flicker_trimmed": flicker_trimmed, "vals_own": vals_own, "tremble": tremble, "of_mean": of_mean,
+                "flicker": flicker, "flicker_trimmed": flicker_trimmed, "vals_own": vals_own, "jitter": jitter, "of_mean": of_mean,
                 "of_caches": of_caches,
             })
         );
@@ -160,7 +160,7 @@ fn print(row: &Flicker, moves: &str, args: &FlickerArgs) {
         percent(flicker),
         percent(flicker_trimmed),
         percent(vals_own),
-        pair(tremble),
+        pair(jitter),
         pair(of_mean),
         percent(of_caches)
     );

@@ -2,8 +2,8 @@
 //! command `render` in a process of its own, so that a crash on one file affects only its own line.
 
 use crate::cli::{progress_bar, render};
-use anyhow::{Context, Result, bail};
-use lightskin::files::check_writable;
+use anyhow::{Context, Result, anyhow, bail};
+use lightskin::files::{self, check_writable};
 use lightskin::image::read_picture;
 use lightskin::lab::sheet::{Entry, Sheet};
 use std::ffi::OsStr;
@@ -20,7 +20,7 @@ pub(super) struct SheetArgs {
     /// Picture size [pixels].
     #[arg(long, value_name = "WxH", value_parser = render::size, default_value = "240x135")]
     size: [u32; 2],
-    /// Samples per pixel of the path tracer. They are stored: a larger N refines.
+    /// Samples per pixel of the path tracer. They are stored; a later run with a larger N uses them again.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     spp: u32,
     /// Flags of `render` for both pictures, like --sky probe.hdr or --bounces 4.
@@ -67,9 +67,7 @@ pub(super) fn run(args: &SheetArgs) -> Result<()> {
 
 /// Finds the glTF files of a folder and its subfolders, sorted. Links to folders are not followed.
 fn find(folder: &Path, scenes: &mut Vec<PathBuf>) -> Result<()> {
-    let entries = std::fs::read_dir(folder).with_context(|| folder.display().to_string())?;
-    let mut paths: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
-    paths.sort();
+    let paths = files::list(folder).map_err(|reason| anyhow!("{}: {reason}", folder.display()))?;
     for path in paths {
         let is = |name: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(name));
         if path.is_dir() && !path.is_symlink() {
