@@ -83,8 +83,8 @@ float sky_open(uvec3 at, vec3 w, vec3 direction, out vec3 radiance) {
 #if defined(LIT) || defined(SKY)
 // Radiance [cd/m^2] that a point reflects of the light its caches receive: of their bounced light if LIT, of the sky if
 // SKY.
-vec3 cache_radiance(Hit hit, HitSurface s) {
-    uvec3 v = corners_of(hit.triangle, hit.instance) - hit_instances[hit.instance].drawn_vertex;
+vec3 cache_radiance(Hit hit, HitSurface s, vec3 direction) {
+    uvec3 v = corners_hit(hit, direction) - hit_instances[hit.instance].drawn_vertex;
     vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
     vec3 shares;
     uvec3 at = caches_about(hit.instance, v, w, 1u, s.position, s.normal, push.cache_reach, shares);
@@ -122,7 +122,7 @@ vec3 met_radiance(Hit hit, vec3 start, vec3 direction, float spread, uint number
         sum += reflected_direct(s, push.light_count, push.first_sky_light, push.sky_light_count, push.root, chance);
     }
 #if defined(LIT) || defined(SKY)
-    sum += cache_radiance(hit, s);
+    sum += cache_radiance(hit, s, direction);
 #endif
     return sum;
 }

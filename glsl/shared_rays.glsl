@@ -4,16 +4,18 @@
 
 // Flags of a ray tracing triangle, stored in the bits below its instance number (or RAY_MODEL): it has an alpha mask,
 // it is two-sided, it belongs to an area light, its instance mirrors, it is one of the two sides of a surface in a mesh
-// that bends. The fourth flag is set only for triangles in world space.
+// that bends, it also stands for the second side of its surface, whose indices follow its own. The fourth flag is set
+// only for triangles in world space.
 const uint RAY_HOLES = 1u;
 const uint RAY_TWO_SIDED = 2u;
 const uint RAY_AREA_LIGHT = 4u;
 const uint RAY_MIRRORED = 8u;
 const uint RAY_ONE_SIDE = 16u;
-const uint RAY_KIND_BITS = 5u;
+const uint RAY_TWIN = 32u;
+const uint RAY_KIND_BITS = 6u;
 
 // In place of an instance number: the triangle is in model space and several instances may share it.
-const uint RAY_MODEL = 0x07ffffffu;
+const uint RAY_MODEL = 0x03ffffffu;
 
 // Instance number of all static geometry.
 const uint RAY_STILL = 0xfffffffeu;

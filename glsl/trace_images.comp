@@ -33,7 +33,7 @@ uint met_cache(Hit hit, vec3 start, vec3 direction) {
     }
     bool front;
     vec3 n = hit_geometric(hit, direction, front);
-    uvec3 v = corners_of(hit.triangle, hit.instance) - hit_instances[hit.instance].drawn_vertex;
+    uvec3 v = corners_hit(hit, direction) - hit_instances[hit.instance].drawn_vertex;
     vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
     vec3 shares;
     uint cache = caches_about(hit.instance, v, w, 3u, start + hit.distance * direction, n, push.cache_reach, shares).x;

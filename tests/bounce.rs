@@ -13,7 +13,7 @@ use lightskin::reference::path_trace::{self, PathTrace};
 use lightskin::reference::world::{Sides, World as Truth};
 use lightskin::scene::build::{cuboid, quad};
 use lightskin::scene::ggx::{MEAN_PHONG_COSINE, phong_albedo};
-use lightskin::scene::{Image, Instance, Light, LightKind, Material, Scene, Texture};
+use lightskin::scene::{Image, Instance, Light, LightKind, Material, Scene, Texture, tessellate};
 use lightskin::shared::{DEPTH_IMAGE_SIDE, DEPTH_IMAGE_TEXELS, UNKNOWN_CACHE, Val};
 use serde_json::json;
 use std::f64::consts::PI;
@@ -344,6 +344,23 @@ fn exchange_in(scene: &Scene, unknown: Option<usize>) {
     assert!(far < 1.5 * caches.spacing, "{far} m");
 }
 
+/// A scene within the walls, light and camera of a cube.
+fn with_cube(mut scene: Scene) -> Scene {
+    let room = cube(0.8, dvec3(0.11, 0.73, -0.17));
+    for instance in &room.instances {
+        let wall = &room.meshes[instance.mesh];
+        let walls = scene.materials.len();
+        scene.materials.push(room.materials[wall.primitives[0].material].clone());
+        let mut wall = wall.clone();
+        wall.primitives[0].material = walls;
+        scene.instances.push(Instance { mesh: scene.meshes.len(), ..instance.clone() });
+        scene.meshes.push(wall);
+    }
+    scene.lights = room.lights;
+    scene.cameras = room.cameras;
+    scene
+}
+
 /// Both sides of a bending two-sided surface lie in the same place, with caches of their own.
 #[test]
 fn rays_meet_the_near_side_of_surfaces_that_bend() {
@@ -381,18 +398,7 @@ fn rays_meet_the_near_side_of_surfaces_that_bend() {
     let mut scene = load("bends", &document, &binary).expect("loads");
     assert!(scene.materials[0].double_sided && scene.meshes[0].deform.is_some());
     scene.lights.clear();
-    let room = cube(0.8, dvec3(0.11, 0.73, -0.17));
-    for instance in &room.instances {
-        let wall = &room.meshes[instance.mesh];
-        let walls = scene.materials.len();
-        scene.materials.push(room.materials[wall.primitives[0].material].clone());
-        let mut wall = wall.clone();
-        wall.primitives[0].material = walls;
-        scene.instances.push(Instance { mesh: scene.meshes.len(), ..instance.clone() });
-        scene.meshes.push(wall);
-    }
-    scene.lights = room.lights;
-    scene.cameras = room.cameras;
+    let scene = with_cube(scene);
     let gpu = gpu();
     let caches = baked(&scene, 0.25, 8);
     let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
@@ -405,4 +411,56 @@ fn rays_meet_the_near_side_of_surfaces_that_bend() {
     let unknown = of_walls.iter().filter(|cache| **cache == UNKNOWN_CACHE).count();
     println!("{known} rays find a cache of the body, {unknown} of all rays find none");
     assert!(known > 1000 && unknown * 50 < known, "{known}, {unknown}");
+}
+
+/// Rays that hit the second side of a two-sided surface find the caches of that side, also where triangles were divided.
+#[test]
+fn rays_meet_the_side_of_a_sheet_that_they_hit() {
+    let sheet = quad(Vec3::new(-0.5, -0.4, 0.1), Vec3::X, 0.8 * Vec3::Y, 0.7);
+    let (places, normals): (Vec<Vec3>, Vec<Vec3>) = sheet.vertices.iter().map(|v| (v.position, v.normal)).unzip();
+    let (count, indices) = (places.len(), sheet.indices.len());
+    let parts: [&[u8]; 3] =
+        [bytemuck::cast_slice(&places), bytemuck::cast_slice(&normals), bytemuck::cast_slice(&sheet.indices)];
+    let binary = parts.concat();
+    let vectors = |view: usize| json!({"bufferView": view, "componentType": 5126, "count": count, "type": "VEC3", "min": [-0.5, -0.4, 0.1], "max": [0.5, 0.4, 0.1]});
+    let views = (0..3).map(|i| {
+        let before: usize = parts[..i].iter().map(|part| part.len()).sum();
+        json!({"buffer": 0, "byteOffset": before, "byteLength": parts[i].len()})
+    });
+    let document = json!({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "materials": [{"doubleSided": true, "pbrMetallicRoughness": {"metallicFactor": 0}}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2, "material": 0}]}],
+        "accessors": [vectors(0), vectors(1),
+            {"bufferView": 2, "componentType": 5125, "count": indices, "type": "SCALAR"}],
+        "bufferViews": views.collect::<Vec<_>>(), "buffers": [{"byteLength": binary.len()}],
+    });
+    let mut scene = load("sheet", &document, &binary).expect("loads");
+    scene.lights.clear();
+    tessellate::tessellate(&mut scene, 0.3, 100_000);
+    let of_sheet = &scene.meshes[0];
+    let (triangles, _) = of_sheet.indices.as_chunks::<3>();
+    assert!(triangles.len() > indices / 3 * 4, "{} triangles", triangles.len());
+    assert!(triangles.chunks(2).all(|pair| of_sheet.are_twins(pair[0], pair[1])), "sides must be divided alike");
+    let scene = with_cube(scene);
+
+    let gpu = gpu();
+    let caches = baked(&scene, 0.25, 8);
+    let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    let frame = drawn_of(&gpu, &scene, &world, &Knobs { bounces: 2, ..by_rays() });
+    let met: Vec<u32> = gpu.read(&traced(&frame).1.met).expect("read");
+    let places = shoot(&gpu, &scene, Some(&caches), &by_rays()).caches;
+    let on_sheet = caches.models[caches.instance_model[0]].caches.len();
+    let (mut sides, mut wrong) = ([0, 0], 0);
+    for (texel, cache) in met.iter().enumerate().skip(on_sheet * DEPTH_IMAGE_TEXELS as usize) {
+        if (*cache as usize) < on_sheet {
+            let (from, to) = (&places[texel / DEPTH_IMAGE_TEXELS as usize], &places[*cache as usize]);
+            let side = usize::from(from.position.z < 0.1);
+            sides[side] += 1;
+            wrong += u32::from(to.normal.z * (from.position.z - 0.1) < 0.0);
+        }
+    }
+    let unknown = met.iter().filter(|cache| **cache == UNKNOWN_CACHE).count();
+    println!("rays to the front and the back: {sides:?}; {wrong} find the other side's caches, {unknown} of all none");
+    assert!(sides.iter().all(|count| *count > 1000) && wrong == 0 && unknown < 20, "{sides:?} {wrong} {unknown}");
 }

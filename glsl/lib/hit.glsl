@@ -102,22 +102,43 @@ struct HitSurface {
     vec3 emission; // zero for area lights [cd/m^2]
 };
 
-// Unit normal of a triangle in world space, on the side that faces against `direction`. `front`: whether the ray hits
-// the front, or the triangle is two-sided.
-vec3 hit_geometric(Hit hit, vec3 direction, out bool front) {
+// Normal of the triangle that a ray hits, in world space and of any length, as its corners turn. `what`: its flags.
+vec3 hit_cross(Hit hit, out uint what) {
     vec3 a = ray_triangle(3u * hit.triangle).xyz;
     vec3 b = ray_triangle(3u * hit.triangle + 1u).xyz;
     vec4 third = ray_triangle(3u * hit.triangle + 2u);
-    uint what = floatBitsToUint(third.w);
+    what = floatBitsToUint(third.w);
     vec3 n = cross(b - a, third.xyz - a);
     if (LEVELS == 2u && what >> RAY_KIND_BITS == RAY_MODEL) {
         n = mat3(hit_instances[hit.instance].world_from_normal) * n;
     }
+    return n;
+}
+
+// Unit normal of a triangle in world space, on the side that faces against `direction`. `front`: whether the ray hits
+// the front, or the triangle is two-sided.
+vec3 hit_geometric(Hit hit, vec3 direction, out bool front) {
+    uint what;
+    vec3 n = hit_cross(hit, what);
     front = (dot(n, direction) < 0.0) != ((what & RAY_MIRRORED) != 0u);
     front = front || (what & RAY_TWO_SIDED) != 0u;
     n = n / max(max(abs(n.x), abs(n.y)), max(abs(n.z), 1e-30));
     n *= inversesqrt(max(dot(n, n), 1e-30));
     return dot(n, direction) < 0.0 ? n : -n;
+}
+
+// Indices of the vertices of the side that a ray hits, in the order of the hit's weights.
+uvec3 corners_hit(Hit hit, vec3 direction) {
+    uint what;
+    vec3 n = hit_cross(hit, what);
+    bool front = (dot(n, direction) < 0.0) != ((what & RAY_MIRRORED) != 0u);
+    if (front || (what & RAY_TWIN) == 0u) {
+        return corners_of(hit.triangle, hit.instance);
+    }
+    // The second side's triangle follows. Its corners have the opposite order.
+    uint first = floatBitsToUint(ray_triangle(3u * hit.triangle).w) + 3u;
+    uint base = hit_instances[hit.instance].drawn_vertex;
+    return base + uvec3(hit_indices[first], hit_indices[first + 2u], hit_indices[first + 1u]);
 }
 
 // The surface at a hit; `spread`: width of the ray's cone by distance.

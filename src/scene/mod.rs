@@ -411,6 +411,15 @@ impl Mesh {
         [0, 1, 2].map(|corner| self.indices[3 * triangle + corner] as usize)
     }
 
+    /// Whether two triangles are the two sides of a surface: with the same corners, in opposite order. The loader puts
+    /// the second side behind the first.
+    pub fn are_twins(&self, [a, b, c]: [u32; 3], other: [u32; 3]) -> bool {
+        [a, c, b].iter().zip(other).all(|(i, j)| {
+            let [i, j] = [*i, j].map(|index| self.vertices[index as usize].position);
+            i == j
+        })
+    }
+
     /// Number of triangles of all primitives.
     pub fn triangle_count(&self) -> usize {
         self.indices.len() / 3

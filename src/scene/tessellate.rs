@@ -195,23 +195,48 @@ fn halve(mesh: &Mesh, metrics: &[DMat3], longest2: f64) -> Option<Mesh> {
     for primitive in &mesh.primitives {
         let first = indices.len();
         let range = primitive.first_index as usize..(primitive.first_index + primitive.index_count) as usize;
-        for corners in mesh.indices[range].chunks_exact(3) {
-            let [a, b, c] = [corners[0], corners[1], corners[2]];
-            match [middle(a, b, corners), middle(b, c, corners), middle(c, a, corners)] {
-                [None, None, None] => indices.extend([a, b, c]),
-                [Some(m), None, None] => indices.extend([a, m, c, m, b, c]),
-                [None, Some(m), None] => indices.extend([b, m, a, m, c, a]),
-                [None, None, Some(m)] => indices.extend([c, m, b, m, a, b]),
-                [Some(m), Some(n), None] => indices.extend([m, b, n, a, m, n, a, n, c]),
-                [None, Some(m), Some(n)] => indices.extend([m, c, n, b, m, n, b, n, a]),
-                [Some(n), None, Some(m)] => indices.extend([m, a, n, c, m, n, c, n, b]),
-                [Some(m), Some(n), Some(o)] => indices.extend([a, m, o, m, b, n, o, n, c, m, n, o]),
+        let (triangles, _) = mesh.indices[range].as_chunks::<3>();
+        let mut divided = |of: &[u32; 3], [a, b, c]: [u32; 3]| {
+            pieces([a, b, c], [middle(a, b, of), middle(b, c, of), middle(c, a, of)])
+        };
+        let mut at = 0;
+        while at < triangles.len() {
+            let corners = triangles[at];
+            let front = divided(&corners, corners);
+            match triangles.get(at + 1).filter(|next| mesh.are_twins(corners, **next)) {
+                // Both sides get the same pieces, each behind its own front.
+                Some(&[a, c, b]) => {
+                    let back = divided(&[a, c, b], [a, b, c]);
+                    for (front, [a, b, c]) in front.into_iter().zip(back) {
+                        indices.extend(front);
+                        indices.extend([a, c, b]);
+                    }
+                    at += 2;
+                }
+                None => {
+                    indices.extend(front.into_iter().flatten());
+                    at += 1;
+                }
             }
         }
         let (first_index, index_count) = (first as u32, (indices.len() - first) as u32);
         primitives.push(Primitive { first_index, index_count, ..*primitive });
     }
     (!middles.is_empty()).then(|| Mesh { name: mesh.name.clone(), vertices, indices, primitives, deform, placing })
+}
+
+/// The pieces of a triangle whose edges have these middles, if any.
+fn pieces([a, b, c]: [u32; 3], middles: [Option<u32>; 3]) -> Vec<[u32; 3]> {
+    match middles {
+        [None, None, None] => vec![[a, b, c]],
+        [Some(m), None, None] => vec![[a, m, c], [m, b, c]],
+        [None, Some(m), None] => vec![[b, m, a], [m, c, a]],
+        [None, None, Some(m)] => vec![[c, m, b], [m, a, b]],
+        [Some(m), Some(n), None] => vec![[m, b, n], [a, m, n], [a, n, c]],
+        [None, Some(m), Some(n)] => vec![[m, c, n], [b, m, n], [b, n, a]],
+        [Some(n), None, Some(m)] => vec![[m, a, n], [c, m, n], [c, n, b]],
+        [Some(m), Some(n), Some(o)] => vec![[a, m, o], [m, b, n], [o, n, c], [m, n, o]],
+    }
 }
 
 /// The vertex halfway between two others.

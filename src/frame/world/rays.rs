@@ -13,8 +13,8 @@ use crate::gpu::{Bind, Buffer, Cmd, Device};
 use crate::image::{linear_from_srgb, mip_chain};
 use crate::scene::{Image, Sampler, Scene, Wrap};
 use crate::shared::{
-    HitTexture, RAY_AREA_LIGHT, RAY_HOLES, RAY_KIND_BITS, RAY_MIRRORED, RAY_MODEL, RAY_ONE_SIDE, RAY_TWO_SIDED,
-    RefitBox, RefitNode, TEXTURE_COUNT, TEXTURE_NORMAL, TEXTURE_TRANSMISSION,
+    HitTexture, RAY_AREA_LIGHT, RAY_HOLES, RAY_KIND_BITS, RAY_MIRRORED, RAY_MODEL, RAY_ONE_SIDE, RAY_TWIN,
+    RAY_TWO_SIDED, RefitBox, RefitNode, TEXTURE_COUNT, TEXTURE_NORMAL, TEXTURE_TRANSMISSION,
 };
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -360,9 +360,17 @@ impl Placed<'_> {
     }
 }
 
-/// Keeps only the first side of two-sided surfaces, and drops triangles that are points, which no ray can hit. Many
+/// Keeps only the first side of two-sided surfaces, which also stands for a second side behind it, and drops triangles that are points, which no ray can hit. Many
 /// points in one place would also make a BVH as deep as their number.
 fn without_twins(mut all: Vec<Triangle>) -> Vec<Triangle> {
+    for at in 1..all.len() {
+        let [first, second] = [all[at - 1], all[at]];
+        let [a, b, c] = first.corners;
+        let follows = second.first_index == first.first_index + 3 && second.material == first.material;
+        if follows && first.what & RAY_TWO_SIDED != 0 && second.corners == [a, c, b] {
+            all[at - 1].what |= RAY_TWIN;
+        }
+    }
     let mut seen = HashSet::new();
     all.retain(|t| {
         let [a, b, c] = t.corners;

@@ -365,7 +365,7 @@ impl Draft {
 }
 
 impl Surface {
-    /// Adds the other side. A dent seen from behind is a bump, so the whole tangent frame is reversed: negating n, t
+    /// Adds the other side, each triangle behind its front. A dent seen from behind is a bump, so the whole tangent frame is reversed: negating n, t
     /// and w also negates the bitangent w * (n x t).
     pub(super) fn add_back(&mut self) {
         let front = self.vertices.len() as u32;
@@ -379,8 +379,8 @@ impl Surface {
             })
             .collect();
         let (triangles, _) = self.indices.as_chunks::<3>();
-        let reversed: Vec<u32> = triangles.iter().flat_map(|&[a, b, c]| [front + a, front + c, front + b]).collect();
+        let both = |&[a, b, c]: &[u32; 3]| [a, b, c, front + a, front + c, front + b];
+        self.indices = triangles.iter().flat_map(both).collect();
         self.vertices.extend(back);
-        self.indices.extend(reversed);
     }
 }
