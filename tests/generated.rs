@@ -173,12 +173,12 @@ fn atrium_keeps_to_its_measures() {
     }
     let names: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
     assert_eq!(names, ["Hero", "Detail"]);
-    // Double-sided materials have pairs of primitives, front then back.
+    // Triangles of double-sided materials come in pairs, front then back.
     for mesh in &scene.meshes {
-        let sides: Vec<_> = mesh.primitives.iter().filter(|p| scene.materials[p.material].double_sided).collect();
-        assert!(sides.len().is_multiple_of(2), "{}", mesh.name);
-        for pair in sides.chunks_exact(2) {
-            assert_eq!((pair[0].index_count, pair[0].material), (pair[1].index_count, pair[1].material));
+        for run in mesh.primitives.iter().filter(|p| scene.materials[p.material].double_sided) {
+            let range = run.first_index as usize..(run.first_index + run.index_count) as usize;
+            let (triangles, _) = mesh.indices[range].as_chunks::<3>();
+            assert!(triangles.chunks(2).all(|pair| mesh.are_twins(pair[0], pair[1])), "{}", mesh.name);
         }
     }
 }
@@ -219,19 +219,18 @@ fn written_vertices_are_the_scenes() {
     let blob = blob.expect("binary chunk");
     for (mesh, written) in scene.meshes.iter().zip(document.meshes()) {
         assert_eq!(Some(mesh.name.as_str()), written.name());
-        let fronts = mesh.primitives.iter().enumerate().filter_map(|(k, run)| {
-            let step = if scene.materials[run.material].double_sided { 2 } else { 1 };
-            (k % step == 0).then_some(run)
-        });
-        for (run, primitive) in fronts.zip(written.primitives()) {
+        for (run, primitive) in mesh.primitives.iter().zip(written.primitives()) {
             assert_eq!(Some(run.material), primitive.material().index());
             let reader = primitive.reader(|_| Some(&blob));
             let positions: Vec<[f32; 3]> = reader.read_positions().expect("positions").collect();
             let normals: Vec<[f32; 3]> = reader.read_normals().expect("normals").collect();
             let indices: Vec<u32> = reader.read_indices().expect("indices").into_u32().collect();
             let range = run.first_index as usize..(run.first_index + run.index_count) as usize;
-            assert_eq!(indices.len(), range.len());
-            for (&index, &expected) in indices.iter().zip(&mesh.indices[range]) {
+            let (triangles, _) = mesh.indices[range].as_chunks::<3>();
+            let step = if scene.materials[run.material].double_sided { 2 } else { 1 };
+            let fronts: Vec<u32> = triangles.iter().step_by(step).flatten().copied().collect();
+            assert_eq!(indices.len(), fronts.len());
+            for (&index, &expected) in indices.iter().zip(&fronts) {
                 let vertex = mesh.vertices[expected as usize];
                 assert_eq!(positions[index as usize], vertex.position.to_array());
                 assert_eq!(normals[index as usize], vertex.normal.to_array());

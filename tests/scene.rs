@@ -382,7 +382,7 @@ fn bodies_that_are_inside_out_are_turned_over() {
         let mesh = &scene.meshes[0];
         let sides = if double_sided { 2 } else { 1 };
         let all = mesh.indices.as_chunks::<3>().0;
-        for corners in &all[..all.len() / sides] {
+        for corners in all.iter().step_by(sides) {
             let [a, b, c] = corners.map(|c| mesh.vertices[c as usize].position);
             let outwards = if is_flat { Vec3::Z } else { a + b + c };
             assert_eq!((b - a).cross(c - a).dot(outwards) > 0.0, triangles != is_turned, "{case:?}");

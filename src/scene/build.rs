@@ -22,17 +22,12 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 /// Adds a mesh made of surfaces and their materials, one primitive each. Returns the index of the mesh.
 ///
-/// A double-sided material gets a second primitive right after the first: the same surface seen from its back.
+/// With a double-sided material each triangle is followed by the same one seen from its back.
 pub(crate) fn add_mesh(scene: &mut Scene, name: &str, parts: Vec<(Surface, usize)>) -> usize {
     let mut mesh = Mesh { name: name.into(), ..Mesh::default() };
     for (surface, material) in parts {
-        if scene.materials[material].double_sided {
-            let back = surface.reversed();
-            push_primitive(&mut mesh, surface, material);
-            push_primitive(&mut mesh, back, material);
-        } else {
-            push_primitive(&mut mesh, surface, material);
-        }
+        let sides = if scene.materials[material].double_sided { surface.two_sided() } else { surface };
+        push_primitive(&mut mesh, sides, material);
     }
     scene.meshes.push(mesh);
     scene.meshes.len() - 1

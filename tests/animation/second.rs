@@ -245,9 +245,9 @@ impl File {
             let back = |((p, n), _): (Triangle, ())| ([p[0], p[2], p[1]], n.map(|n| [-n[0], -n[2], -n[1]]));
             let double_sided = material.is_some_and(|m| m["doubleSided"] == true);
             let backs: Vec<Triangle> = front.iter().map(|t| back((*t, ()))).collect();
-            triangles.extend(front);
-            if double_sided {
-                triangles.extend(backs);
+            for (front, back) in front.into_iter().zip(backs) {
+                triangles.push(front);
+                triangles.extend(double_sided.then_some(back));
             }
         }
         triangles

@@ -44,6 +44,17 @@ impl Surface {
         back
     }
 
+    /// The surface with a second side, each triangle of which follows its front.
+    pub fn two_sided(mut self) -> Self {
+        let back = self.reversed();
+        let front = self.vertices.len() as u32;
+        let (fronts, backs) = (self.indices.as_chunks::<3>().0, back.indices.as_chunks::<3>().0);
+        self.indices =
+            fronts.iter().zip(backs).flat_map(|(f, b)| [*f, b.map(|i| front + i)].into_iter().flatten()).collect();
+        self.vertices.extend(back.vertices);
+        self
+    }
+
     fn position(&self, index: u32) -> Vec3 {
         self.vertices[index as usize].position
     }

@@ -12,9 +12,9 @@ const MOST_INFLUENCES: usize = 64;
 
 /// A mesh. Fails if glTF cannot represent its deformation.
 pub(super) fn mesh(document: &mut Document, scene: &Scene, mesh: &Mesh) -> Result<Value, String> {
-    let flat = flat(mesh)?;
+    let (flat, mesh) = (flat(mesh)?, &fronts(scene, mesh));
     let mut primitives = Vec::new();
-    for run in written_runs(scene, mesh).into_iter().flat_map(|run| alike(mesh, run, &flat)) {
+    for run in mesh.primitives.iter().flat_map(|run| alike(mesh, *run, &flat)) {
         primitives.push(primitive(document, mesh, run, &flat)?);
     }
     Ok(json!({ "name": mesh.name, "primitives": primitives }))
@@ -55,42 +55,20 @@ fn alike(mesh: &Mesh, run: Primitive, flat: &[bool]) -> Vec<Primitive> {
     parts
 }
 
-/// The primitives of a mesh that are written: all except the second sides of double-sided materials.
-///
-/// A second side is either the primitive right after its first side or the second half of a primitive.
-fn written_runs(scene: &Scene, mesh: &Mesh) -> Vec<Primitive> {
-    let mut runs = Vec::new();
-    let mut rest = mesh.primitives.as_slice();
-    while let [run, following @ ..] = rest {
-        rest = following;
-        let mut run = *run;
-        let indices = |p: &Primitive| &mesh.indices[p.first_index as usize..(p.first_index + p.index_count) as usize];
-        if scene.materials[run.material].double_sided {
-            let (first, second) = indices(&run).split_at(indices(&run).len() / 6 * 3);
-            if following
-                .first()
-                .is_some_and(|next| next.material == run.material && is_back(mesh, indices(&run), indices(next)))
-            {
-                rest = &following[1..];
-            } else if is_back(mesh, first, second) {
-                run.index_count /= 2;
-            }
-        }
-        if run.index_count > 0 {
-            runs.push(run);
-        }
+/// A mesh without the second sides of double-sided materials, each of which follows its front.
+fn fronts(scene: &Scene, mesh: &Mesh) -> Mesh {
+    let (mut indices, mut primitives) = (Vec::new(), Vec::new());
+    for run in &mesh.primitives {
+        let range = run.first_index as usize..(run.first_index + run.index_count) as usize;
+        let (triangles, _) = mesh.indices[range].as_chunks::<3>();
+        let has_backs = scene.materials[run.material].double_sided
+            && triangles.chunks(2).all(|pair| pair.len() == 2 && mesh.are_twins(pair[0], pair[1]));
+        let first_index = indices.len() as u32;
+        indices.extend(triangles.iter().step_by(if has_backs { 2 } else { 1 }).flatten());
+        primitives.push(Primitive { first_index, index_count: indices.len() as u32 - first_index, ..*run });
     }
-    runs
-}
-
-/// Whether `back` holds the triangles of `front` in the same order with opposite winding.
-fn is_back(mesh: &Mesh, front: &[u32], back: &[u32]) -> bool {
-    let at = |index: u32| mesh.vertices[index as usize].position;
-    front.len() == back.len()
-        && front.chunks_exact(3).zip(back.chunks_exact(3)).all(|(f, b)| {
-            let reversed = [at(f[0]), at(f[2]), at(f[1])];
-            (0..3).any(|turn| (0..3).all(|corner| at(b[corner]) == reversed[(corner + turn) % 3]))
-        })
+    primitives.retain(|run| run.index_count > 0);
+    Mesh { indices, primitives, ..mesh.clone() }
 }
 
 /// A primitive with its own vertices: those it uses, in their order. For a deforming mesh they are undeformed.
