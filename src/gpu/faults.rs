@@ -75,6 +75,7 @@ impl Shared {
     }
 
     /// Fails once if the surface of a window acts as lost at this kind of call. Called before each one.
+    #[cfg(feature = "app")]
     pub(super) fn check_surface(&self, call: Call) -> Result<(), vk::Result> {
         let mut lost = lock(&self.lost);
         if !matches!(*lost, Lost::At(kind) if kind == call) {
