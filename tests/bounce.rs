@@ -344,6 +344,15 @@ fn exchange_in(scene: &Scene, unknown: Option<usize>) {
     assert!(far < 1.5 * caches.spacing, "{far} m");
 }
 
+/// glTF's buffer views for parts of a buffer that follow each other.
+fn views(parts: &[&[u8]]) -> Vec<serde_json::Value> {
+    let view = |i: usize| {
+        let before: usize = parts[..i].iter().map(|part| part.len()).sum();
+        json!({"buffer": 0, "byteOffset": before, "byteLength": parts[i].len()})
+    };
+    (0..parts.len()).map(view).collect()
+}
+
 /// A scene within the walls, light and camera of a cube.
 fn with_cube(mut scene: Scene) -> Scene {
     let room = cube(0.8, dvec3(0.11, 0.73, -0.17));
@@ -380,10 +389,6 @@ fn rays_meet_the_near_side_of_surfaces_that_bend() {
     let vectors = |view: usize, low: f32, high: f32| json!({"bufferView": view, "componentType": 5126, "count": count, "type": "VEC3", "min": [low, low, low], "max": [high, high, high]});
     let pair = |view: usize| json!({"bufferView": view, "componentType": 5126, "count": 2, "type": "SCALAR", "min": [0], "max": [1]});
     let numbers = json!({"bufferView": 3, "componentType": 5125, "count": indices, "type": "SCALAR"});
-    let views = (0..6).map(|i| {
-        let before: usize = parts[..i].iter().map(|part| part.len()).sum();
-        json!({"buffer": 0, "byteOffset": before, "byteLength": parts[i].len()})
-    });
     let document = json!({
         "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0, "weights": [0.5]}],
         "materials": [{"doubleSided": true, "pbrMetallicRoughness": {"metallicFactor": 0}}],
@@ -393,7 +398,7 @@ fn rays_meet_the_near_side_of_surfaces_that_bend() {
         "accessors": [vectors(0, -0.4, 0.4), vectors(1, -1.0, 1.0), vectors(2, -0.08, 0.08), numbers, pair(4), pair(5)],
         "animations": [{"samplers": [{"input": 4, "output": 5}],
             "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}}]}],
-        "bufferViews": views.collect::<Vec<_>>(), "buffers": [{"byteLength": binary.len()}],
+        "bufferViews": views(&parts), "buffers": [{"byteLength": binary.len()}],
     });
     let mut scene = load("bends", &document, &binary).expect("loads");
     assert!(scene.materials[0].double_sided && scene.meshes[0].deform.is_some());
@@ -423,17 +428,13 @@ fn rays_meet_the_side_of_a_sheet_that_they_hit() {
         [bytemuck::cast_slice(&places), bytemuck::cast_slice(&normals), bytemuck::cast_slice(&sheet.indices)];
     let binary = parts.concat();
     let vectors = |view: usize| json!({"bufferView": view, "componentType": 5126, "count": count, "type": "VEC3", "min": [-0.5, -0.4, 0.1], "max": [0.5, 0.4, 0.1]});
-    let views = (0..3).map(|i| {
-        let before: usize = parts[..i].iter().map(|part| part.len()).sum();
-        json!({"buffer": 0, "byteOffset": before, "byteLength": parts[i].len()})
-    });
     let document = json!({
         "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
         "materials": [{"doubleSided": true, "pbrMetallicRoughness": {"metallicFactor": 0}}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2, "material": 0}]}],
         "accessors": [vectors(0), vectors(1),
             {"bufferView": 2, "componentType": 5125, "count": indices, "type": "SCALAR"}],
-        "bufferViews": views.collect::<Vec<_>>(), "buffers": [{"byteLength": binary.len()}],
+        "bufferViews": views(&parts), "buffers": [{"byteLength": binary.len()}],
     });
     let mut scene = load("sheet", &document, &binary).expect("loads");
     scene.lights.clear();

@@ -396,6 +396,22 @@ fn bodies_that_are_inside_out_are_turned_over() {
     }
 }
 
+/// Nodes with several objects become groups, without those that hold all objects or the same ones as another.
+#[test]
+fn nodes_become_groups_of_what_they_hold() {
+    let mut b = Builder::triangle();
+    b.json["nodes"] = json!([
+        {"name": "root", "children": [1, 2]}, {"name": "house", "children": [3]}, {"name": "tree", "mesh": 0},
+        {"name": "floor", "children": [4, 5, 6]}, {"name": "chair", "mesh": 0, "children": [7]},
+        {"name": "lamp", "mesh": 0}, {"name": "empty"}, {"name": "cushion", "mesh": 0},
+    ]);
+    let scene = b.load("groups").expect("is valid");
+    let names: Vec<&str> = scene.instances.iter().map(|instance| instance.name.as_str()).collect();
+    assert_eq!(names, ["chair", "cushion", "lamp", "tree"]);
+    let groups: Vec<_> = scene.groups.iter().map(|group| (group.name.as_str(), group.instances.clone())).collect();
+    assert_eq!(groups, [("house", 0..3), ("chair", 0..2)]);
+}
+
 #[test]
 fn double_sided_materials_get_a_second_side() {
     let mut b = Builder::triangle();

@@ -25,7 +25,8 @@ pub(super) struct Eval {
     /// Picture size [pixels] [default: 480x270, or 240x135 with --quick].
     #[arg(long, value_name = "WxH", value_parser = render::size)]
     size: Option<[u32; 2]>,
-    /// Samples per pixel of the path tracer [default: 2048, or 256 with --quick]. They are stored; a later run with a larger N uses them again.
+    /// Samples per pixel of the path tracer [default: 2048, or 256 with --quick]. They are stored; a later run with a
+    /// larger N uses them again.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     spp: Option<u32>,
     /// Number of timed frames; the median counts.

@@ -143,7 +143,7 @@ fn print(row: &Flicker, moves: &str, args: &FlickerArgs) {
         say!(
             "{}",
             serde_json::json!({
-                "schema": 1, "moves": moves, "cluster": args.cluster.cluster,
+                "schema": 2, "moves": moves, "cluster": args.cluster.cluster,
                 "cluster_error": args.cluster.cluster_error, "rsm": rsm, "caches": caches, "kept": kept, "change": change,
                 "flicker": flicker, "flicker_trimmed": flicker_trimmed, "vals_own": vals_own, "jitter": jitter, "of_mean": of_mean,
                 "of_caches": of_caches,

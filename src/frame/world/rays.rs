@@ -360,8 +360,9 @@ impl Placed<'_> {
     }
 }
 
-/// Keeps only the first side of two-sided surfaces, which also stands for a second side behind it, and drops triangles that are points, which no ray can hit. Many
-/// points in one place would also make a BVH as deep as their number.
+/// Keeps only the first side of two-sided surfaces, which also stands for the second side that follows it. Drops
+/// triangles that are points, which no ray can hit. Many points in one place would also make a BVH as deep as their
+/// number.
 fn without_twins(mut all: Vec<Triangle>) -> Vec<Triangle> {
     for at in 1..all.len() {
         let [first, second] = [all[at - 1], all[at]];

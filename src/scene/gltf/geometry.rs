@@ -365,8 +365,8 @@ impl Draft {
 }
 
 impl Surface {
-    /// Adds the other side, each triangle behind its front. A dent seen from behind is a bump, so the whole tangent frame is reversed: negating n, t
-    /// and w also negates the bitangent w * (n x t).
+    /// Adds the other side, each triangle behind its front. A dent seen from behind is a bump, so the whole tangent
+    /// frame is reversed: negating n, t and w also negates the bitangent w * (n x t).
     pub(super) fn add_back(&mut self) {
         let front = self.vertices.len() as u32;
         let back: Vec<Vertex> = self
