@@ -1,6 +1,7 @@
 //! Scenes with very different sizes cost no more than others. Triangles, caches and memory are bounded over the whole
 //! scene, counting every instance.
 
+use crate::bake::meshes::sphere_mesh;
 use crate::cli::{folder, keeping, text, works};
 use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::{BakeSettings, CacheSet, Density, bake};
@@ -104,6 +105,31 @@ fn a_count_is_a_budget_over_all_instances() {
         assert!((asked / 2..=most).contains(&count(&set)), "{} caches where {asked} were asked for", count(&set));
         assert!(set.models.iter().all(|model| !model.caches.is_empty() && model.coverage.distance <= set.spacing));
     }
+}
+
+#[test]
+fn many_small_bodies_leave_caches_for_the_floor() {
+    let floor = rectangle(Vec3::ZERO, Vec3::Z * 20.0, Vec3::X * 20.0);
+    let with_balls = |balls: usize| {
+        let mut scene = scene(&floor, [DAffine3::IDENTITY]);
+        scene.meshes.push(sphere_mesh(0.2, 16));
+        let place = |i: usize| DVec3::new(1.0 + 2.0 * (i % 10) as f64, 0.3, 1.0 + 2.0 * (i / 10) as f64);
+        let ball =
+            |i| Instance { mesh: 1, world_from_model: DAffine3::from_translation(place(i)), ..Instance::default() };
+        scene.instances.extend((0..balls).map(ball));
+        let set = baked(&scene, 700);
+        assert!((630..=735).contains(&count(&set)), "{} caches", count(&set));
+        let angle = |model: usize| set.models[model].coverage.angle.to_degrees();
+        (set.models[0].caches.len(), angle(0), angle(1))
+    };
+    let (on_floor, floor_angle, ball_angle) = with_balls(90);
+    println!("90 balls: {on_floor} caches on the floor; a ball's are {ball_angle:.0} degrees from its surface");
+    assert!(
+        on_floor > 200 && floor_angle < 1e-3 && (60.0..=75.0).contains(&ball_angle),
+        "{on_floor} {floor_angle} {ball_angle}"
+    );
+    // Few bodies keep to the angle.
+    assert!(with_balls(30).2 <= 60.0);
 }
 
 #[test]

@@ -14,7 +14,7 @@ use std::path::Path;
 const MAGIC: [u8; 8] = *b"LSKCACHE";
 
 /// Version of the format and of the algorithm; incremented when either changes the result of a bake.
-const VERSION: u32 = 9;
+const VERSION: u32 = 10;
 
 /// Magic, version, key, length, hash.
 const HEADER: usize = 8 + 4 + 32 + 8 + 32;

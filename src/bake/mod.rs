@@ -33,7 +33,7 @@ use closed::Surroundings;
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 use search::{Model, Placement};
-use seeds::{Bounds, Seed};
+use seeds::{SceneBounds, Seed};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use surface::Surface;
 
@@ -191,11 +191,12 @@ fn finish(
     model: &Model,
     mesh: &Mesh,
     Placement { voxels, seeds, count }: Placement,
-    bounds: Bounds,
+    bounds: SceneBounds,
     references: usize,
     step: &(dyn Fn(&str) + Sync),
 ) -> ModelCaches {
     let (surface, spacing) = (&model.surface, bounds.distance);
+    let bounds = bounds.of(surface);
     step("measuring areas");
     let coverage = prune::measure(surface, &voxels, &seeds, bounds);
     let mut caches: Vec<Cache> = seeds.iter().map(|seed| cache(surface, mesh, seed)).collect();

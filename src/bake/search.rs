@@ -2,7 +2,7 @@
 
 use super::closed::Surroundings;
 use super::prune;
-use super::seeds::{self, Bounds, Place, Seed};
+use super::seeds::{self, Place, SceneBounds, Seed};
 use super::surface::Surface;
 use super::voxel::{PIECE_LIMIT, Voxels};
 use super::{BakeSettings, Density, NO_CACHE};
@@ -44,13 +44,19 @@ const TOLERANCE: f64 = 0.02;
 /// If there are more than this many times the requested caches, they represent wider angles than requested.
 const FAR_TOO_MANY: f64 = 2.5;
 
+/// If fewer caches than this were requested for each instance, small models get by with fewer: caches that face
+/// `SMALL_ANGLE` \[rad\] away may represent them. Otherwise little is left for walls, which fill the picture.
+const FEW: f64 = 8.0;
+const SMALL_ANGLE: f64 = 75.0 * PI / 180.0;
+
 /// Pieces per requested cache, beyond two per triangle, above which a spacing is rejected as too fine without cutting
 /// the surface. An even surface needs about one, long thin parallel strips several dozen. If more turn out to be
 /// needed, the search restarts with four times as many.
 const PIECES_PER_CACHE: f64 = 200.0;
 
 /// Places caches on one model, given with its index: forms, filters and prunes the seeds.
-fn place((index, model): (usize, &Model), around: &Surroundings, bounds: Bounds) -> Result<Placement> {
+fn place((index, model): (usize, &Model), around: &Surroundings, bounds: SceneBounds) -> Result<Placement> {
+    let bounds = bounds.of(&model.surface);
     let voxels = Voxels::new(&model.surface, 0.5 * bounds.distance, model.name)?;
     let openness = |place: Place| around.openness((index, model), place, bounds.distance);
     let (mut open, mut closed): (Vec<Seed>, Vec<Seed>) =
@@ -80,7 +86,12 @@ fn regret(off: f64) -> f64 {
 }
 
 /// Places caches on all models; `None` if that would cut them into many more pieces than `most`.
-fn place_all(models: &[Model], around: &Surroundings, bounds: Bounds, most: f64) -> Result<Option<Vec<Placement>>> {
+fn place_all(
+    models: &[Model],
+    around: &Surroundings,
+    bounds: SceneBounds,
+    most: f64,
+) -> Result<Option<Vec<Placement>>> {
     let beyond = |model: &Model| {
         let surface = &model.surface;
         Voxels::estimate(surface, 0.5 * bounds.distance) - 2.0 * surface.triangles.len() as f64
@@ -94,7 +105,7 @@ fn place_all(models: &[Model], around: &Surroundings, bounds: Bounds, most: f64)
 /// Result of a search.
 pub(super) struct Found {
     /// Bounds that the caches satisfy.
-    pub(super) bounds: Bounds,
+    pub(super) bounds: SceneBounds,
     /// The caches of each model.
     pub(super) placements: Vec<Placement>,
 }
@@ -108,7 +119,7 @@ pub(super) fn search(
 ) -> Result<Found> {
     let angle = f64::from(settings.angle);
     let at = |spacing: f64| {
-        let bounds = Bounds::new(spacing, angle);
+        let bounds = SceneBounds { distance: spacing, angle, small_angle: angle };
         let placements: Result<_> = models.par_iter().enumerate().map(|model| place(model, around, bounds)).collect();
         Ok(Found { bounds, placements: placements? })
     };
@@ -131,9 +142,11 @@ pub(super) fn search(
     }
 
     let target = target.max(1) as f64;
+    let instances: usize = models.iter().map(|model| model.instances).sum();
+    let small_angle = if target < FEW * instances as f64 { angle.max(SMALL_ANGLE) } else { angle };
     let mut pieces = PIECES_PER_CACHE * target.max(2000.0);
     let (mut off, mut found) = loop {
-        match for_count(models, around, [area, target], angle, pieces, progress) {
+        match for_count(models, around, [area, target], [angle, small_angle], pieces, progress) {
             Err(_) if pieces < PIECE_LIMIT => pieces *= 4.0,
             found => break found?,
         }
@@ -142,7 +155,7 @@ pub(super) fn search(
     for wider in [2.0 * FRAC_PI_3, PI] {
         if off > FAR_TOO_MANY.ln()
             && wider > angle
-            && let Ok(less) = for_count(models, around, [area, target], wider, pieces, progress)
+            && let Ok(less) = for_count(models, around, [area, target], [wider; 2], pieces, progress)
         {
             log::info!("{:.0} caches instead of {target}: raising the angle that each represents", target * off.exp());
             (off, found) = less;
@@ -157,7 +170,7 @@ fn for_count(
     models: &[Model],
     around: &Surroundings,
     [area, target]: [f64; 2],
-    angle: f64,
+    [angle, small_angle]: [f64; 2],
     most_pieces: f64,
     progress: &(dyn Fn(f32, &str) + Sync),
 ) -> Result<(f64, Found)> {
@@ -167,6 +180,7 @@ fn for_count(
     // Slanted planes meet half again as many voxels as axis-aligned ones, and pruning removes some: about 5 caches per
     // d_eps^2.
     let mut spacing = (5.0 * area / target).sqrt().min(coarsest);
+    let bounds = |distance| SceneBounds { distance, angle, small_angle };
     // Spacings known to give too many and too few, with the logarithm of the ratio (`None` if beyond all limits).
     let mut fine: Option<(f64, Option<f64>)> = None;
     let mut coarse: Option<(f64, f64)> = None;
@@ -174,7 +188,7 @@ fn for_count(
     let mut refused = None;
     for attempt in 0..ATTEMPTS {
         progress(0.6 * (1.0 - 0.7f32.powi(attempt)), "searching the spacing");
-        match place_all(models, around, Bounds::new(spacing, angle), most_pieces) {
+        match place_all(models, around, bounds(spacing), most_pieces) {
             Err(error) => {
                 fine = Some((spacing, None));
                 refused = Some(error);
@@ -217,7 +231,7 @@ fn for_count(
     match (best, refused) {
         // Finer spacings were refused, and the accepted ones give too few caches.
         (Some((_, off, _)), Some(error)) if off < -0.1 => Err(error),
-        (Some((spacing, off, placements)), _) => Ok((off, Found { bounds: Bounds::new(spacing, angle), placements })),
+        (Some((spacing, off, placements)), _) => Ok((off, Found { bounds: bounds(spacing), placements })),
         (None, error) => Err(error.expect("an attempt succeeds or is refused")),
     }
 }

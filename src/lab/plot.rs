@@ -35,7 +35,7 @@ pub struct Series {
     pub marks: Vec<Mark>,
     /// Whether a line joins the marks.
     pub line: bool,
-    /// Index of the colour, of nine.
+    /// Index of the colour, of `COLORS`.
     pub color: usize,
 }
 
@@ -52,8 +52,8 @@ pub struct Mark {
 
 const STYLE: &str = include_str!("plot.css");
 
-/// Number of colours in `STYLE`.
-const COLORS: usize = 9;
+/// Number of colours in `STYLE`: a frame has fewer stages.
+const COLORS: usize = 16;
 
 /// Indices of the Pareto-optimal points, from the smallest x to the smallest y; smaller is better in both coordinates.
 pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
@@ -394,6 +394,38 @@ mod tests {
             let ticks = log_ticks(low, high);
             assert!((2..=9).contains(&ticks.len()), "{low} to {high}: {ticks:?}");
             assert!(ticks.iter().all(|t| (low..=high).contains(t)), "{low} to {high}: {ticks:?}");
+        }
+    }
+
+    #[test]
+    fn colours_differ_and_stand_out() {
+        let linear = |hex: &str| {
+            let channel = |i: usize| {
+                let value = f64::from(u8::from_str_radix(&hex[i..i + 2], 16).unwrap()) / 255.0;
+                if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+            };
+            [channel(1), channel(3), channel(5)]
+        };
+        let luminance = |[r, g, b]: [f64; 3]| 0.2126 * r + 0.7152 * g + 0.0722 * b;
+        let (light, dark) = STYLE.split_once("@media").unwrap();
+        for (style, ground) in [(light, "#ffffff"), (dark, "#15181d")] {
+            let colors: Vec<[f64; 3]> = (0..COLORS)
+                .map(|i| {
+                    let rule = format!(".pl-c{i} {{ stroke: ");
+                    let at = style.find(&rule).unwrap_or_else(|| panic!("no colour {i}")) + rule.len();
+                    linear(&style[at..at + 7])
+                })
+                .collect();
+            let ground = luminance(linear(ground));
+            for (i, color) in colors.iter().enumerate() {
+                let own = luminance(*color);
+                let contrast = (own.max(ground) + 0.05) / (own.min(ground) + 0.05);
+                assert!(contrast >= 3.0, "colour {i} on {ground}: contrast {contrast:.2}");
+                for (j, other) in colors[..i].iter().enumerate() {
+                    let apart = (0..3).map(|c| (color[c].cbrt() - other[c].cbrt()).powi(2)).sum::<f64>().sqrt();
+                    assert!(apart > 0.15, "colours {j} and {i} on {ground}: {apart:.2} apart");
+                }
+            }
         }
     }
 

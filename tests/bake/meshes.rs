@@ -74,7 +74,7 @@ pub(super) fn box_mesh(size: DVec3, cuts: usize) -> Mesh {
     mesh
 }
 
-pub(super) fn sphere_mesh(radius: f64, cuts: usize) -> Mesh {
+pub(crate) fn sphere_mesh(radius: f64, cuts: usize) -> Mesh {
     grid_mesh(2 * cuts, cuts, |u, v| {
         let (theta, phi) = (v * PI, u * TAU);
         let normal = DVec3::new(theta.sin() * phi.sin(), theta.cos(), theta.sin() * phi.cos());
