@@ -43,6 +43,7 @@ pub struct BakeSettings {
     /// How densely caches are placed.
     pub density: Density,
     /// `theta_eps`: largest angle \[rad\] between the normals of a surface and its cache.
+    /// With a count below 8 for each instance, small models are allowed 75 degrees.
     pub angle: f32,
     /// References per vertex, 8 or 16.
     pub references: usize,
