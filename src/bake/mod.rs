@@ -32,8 +32,8 @@ use area::Share;
 use closed::Surroundings;
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
-use search::{Model, Placement};
-use seeds::{SceneBounds, Seed};
+use search::{Model, Placement, SceneBounds};
+use seeds::Seed;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use surface::Surface;
 

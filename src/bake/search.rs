@@ -2,7 +2,7 @@
 
 use super::closed::Surroundings;
 use super::prune;
-use super::seeds::{self, Place, SceneBounds, Seed};
+use super::seeds::{self, Bounds, Place, Seed};
 use super::surface::Surface;
 use super::voxel::{PIECE_LIMIT, Voxels};
 use super::{BakeSettings, Density, NO_CACHE};
@@ -44,15 +44,39 @@ const TOLERANCE: f64 = 0.02;
 /// If there are more than this many times the requested caches, they represent wider angles than requested.
 const FAR_TOO_MANY: f64 = 2.5;
 
-/// If fewer caches than this were requested for each instance, small models get by with fewer: caches that face
-/// `SMALL_ANGLE` \[rad\] away may represent them. Otherwise little is left for walls, which fill the picture.
+/// If fewer caches than this were requested for each instance, small models get by with fewer. Otherwise little is left
+/// for walls, which fill the picture. docs/choices.md has the figures.
 const FEW: f64 = 8.0;
+
+/// A model smaller than this many spacings is small.
+const SMALL: f64 = 2.0;
+
+/// `theta_eps` \[rad\] of small models if there are few caches.
 const SMALL_ANGLE: f64 = 75.0 * PI / 180.0;
 
 /// Pieces per requested cache, beyond two per triangle, above which a spacing is rejected as too fine without cutting
 /// the surface. An even surface needs about one, long thin parallel strips several dozen. If more turn out to be
 /// needed, the search restarts with four times as many.
 const PIECES_PER_CACHE: f64 = 200.0;
+
+/// Limits for all models of a scene.
+#[derive(Clone, Copy)]
+pub(super) struct SceneBounds {
+    /// `d_eps` \[m\].
+    pub(super) distance: f64,
+    /// `theta_eps` \[rad\].
+    pub(super) angle: f64,
+    /// `theta_eps` of small models \[rad\].
+    pub(super) small_angle: f64,
+}
+
+impl SceneBounds {
+    /// The limits for one model.
+    pub(super) fn of(self, surface: &Surface) -> Bounds {
+        let is_small = (surface.high - surface.low).max_element() < SMALL * self.distance;
+        Bounds::new(self.distance, if is_small { self.small_angle } else { self.angle })
+    }
+}
 
 /// Places caches on one model, given with its index: forms, filters and prunes the seeds.
 fn place((index, model): (usize, &Model), around: &Surroundings, bounds: SceneBounds) -> Result<Placement> {

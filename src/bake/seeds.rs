@@ -39,30 +39,8 @@ pub(super) struct Bounds {
     pub(super) cos: f64,
 }
 
-/// A model smaller than this many spacings is small. Measured in a kitchen of 299 models and a courtyard of 154.
-const SMALL: f64 = 2.0;
-
-/// Limits for all models of a scene.
-#[derive(Clone, Copy)]
-pub(super) struct SceneBounds {
-    /// `d_eps` \[m\].
-    pub(super) distance: f64,
-    /// `theta_eps` \[rad\].
-    pub(super) angle: f64,
-    /// `theta_eps` of small models \[rad\].
-    pub(super) small_angle: f64,
-}
-
-impl SceneBounds {
-    /// The limits for one model.
-    pub(super) fn of(self, surface: &Surface) -> Bounds {
-        let is_small = (surface.high - surface.low).max_element() < SMALL * self.distance;
-        Bounds::new(self.distance, if is_small { self.small_angle } else { self.angle })
-    }
-}
-
 impl Bounds {
-    fn new(distance: f64, angle: f64) -> Self {
+    pub(super) fn new(distance: f64, angle: f64) -> Self {
         Self { distance, angle, cos: angle.min(std::f64::consts::PI).cos().min(1.0 - 1e-12) }
     }
 }

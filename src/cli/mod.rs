@@ -248,7 +248,7 @@ struct CacheArgs {
     spacing: Option<f64>,
     /// Largest angle between a surface normal and the normal of its cache [degrees].
     ///
-    /// If --caches is below 8 for each model in the scene, small models are allowed 75 degrees: larger surfaces need
+    /// If --caches is below 8 for each instance in the scene, small models are allowed 75 degrees: larger surfaces need
     /// the caches more.
     #[arg(long, hide_short_help = true, value_name = "DEG", default_value_t = 60.0, value_parser = angle)]
     angle: f64,

@@ -52,7 +52,7 @@ pub struct Mark {
 
 const STYLE: &str = include_str!("plot.css");
 
-/// Number of colours in `STYLE`: a frame has fewer stages.
+/// Number of colours in `STYLE`. Further series repeat them with other marks.
 const COLORS: usize = 16;
 
 /// Indices of the Pareto-optimal points, from the smallest x to the smallest y; smaller is better in both coordinates.
