@@ -32,6 +32,7 @@ layout(binding = 11, scalar) readonly buffer Parts { GatherSums parts[]; }; // l
 #endif
 #ifdef SHADOWED
 layout(constant_id = 2) const uint IMAGES_AS_TEXELS = 1;
+#define PLANES 1u
 #define IMAGE_BINDING 7
 #define IMAGE_WORDS_BINDING 8
 #include "lib/sees.glsl"

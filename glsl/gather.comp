@@ -43,6 +43,7 @@ layout(binding = 10, scalar) coherent buffer SecondParts { GlossySums second_par
 
 #include "lib/gather.glsl"
 #ifdef SHADOWED
+#define PLANES NEAR // rays trace the images exactly where they also find nearby light
 #define IMAGE_BINDING 9
 #define IMAGE_WORDS_BINDING 11
 #include "lib/sees.glsl"

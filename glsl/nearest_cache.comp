@@ -1,6 +1,7 @@
 // Debug view: finds the live cache nearest to the surface of a pixel, on the side that the pixel shows, and copies its
 // depth image. One workgroup.
 #include "shared.glsl"
+#include "lib/depth_image.glsl"
 
 const uint THREADS = 64u;
 
@@ -9,7 +10,7 @@ layout(push_constant, scalar) uniform Push { NearestPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 2, scalar) readonly buffer Args { LiveArgs args; };
-layout(binding = 3, scalar) readonly buffer Images { float images[]; };
+layout(binding = 3, scalar) readonly buffer Images { uint images[]; };
 layout(binding = 4) uniform sampler2D depth_image;
 layout(binding = 5) uniform sampler2D normal_image;
 layout(binding = 6, r32f) uniform writeonly image2D shown;
@@ -19,6 +20,19 @@ const uint NO_SLOT = 0xffffffffu;
 
 shared float distances2[THREADS];
 shared uint slots[THREADS];
+
+// Reciprocal of the distance at which a cache's view ends in the middle of a texel [1/m].
+float limit_of(uint slot, uint texel) {
+    uint at = slot * DEPTH_IMAGE_TEXELS + texel;
+    if (push.are_planes == 0u) {
+        return uintBitsToFloat(images[at]);
+    }
+    vec3 normal = caches[live[slot]].normal;
+    vec3 tangent, bitangent;
+    tangents(normal, tangent, bitangent);
+    vec3 direction = texel_direction(texel, tangent, bitangent, normal);
+    return max(reaches(uvec2(images[2u * at], images[2u * at + 1u]), direction), 0.0);
+}
 
 void main() {
     uint thread = gl_LocalInvocationID.x;
@@ -53,7 +67,7 @@ void main() {
     }
 
     for (uint texel = thread; texel < DEPTH_IMAGE_TEXELS; texel += THREADS) {
-        float limit = best == NO_SLOT ? 0.0 : images[best * DEPTH_IMAGE_TEXELS + texel];
+        float limit = best == NO_SLOT ? 0.0 : limit_of(best, texel);
         imageStore(shown, ivec2(texel % DEPTH_IMAGE_SIDE, texel / DEPTH_IMAGE_SIDE), vec4(limit));
     }
     if (thread == 0u && best != NO_SLOT) {

@@ -53,6 +53,7 @@ struct NearestPush {
     mat4 world_from_clip;
     uint column; // of the pixel
     uint row;
+    uint are_planes; // 1: the depth images are traced
 };
 
 // The cache nearest to a pixel's surface, of those that light its side.

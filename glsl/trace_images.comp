@@ -10,15 +10,10 @@ layout(push_constant, scalar) uniform Push { TracePush push; };
 layout(binding = 12, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 13, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 14, scalar) readonly buffer Args { LiveArgs args; };
-layout(binding = 15, scalar) writeonly buffer Images { float images[]; };
-
-const float STEP = 2.0 / float(DEPTH_IMAGE_SIDE);
-
-// How far behind a hit points still count as visible, as a share of the distance: surfaces are not flat.
-const float MARGIN = 0.01;
+layout(binding = 15, scalar) buffer Images { uvec2 images[]; };
 
 #ifdef SENT_ON
-layout(binding = 16, scalar) writeonly buffer AllImages { float all_images[]; };
+layout(binding = 16, scalar) buffer AllImages { uvec2 all_images[]; };
 layout(binding = 17, scalar) writeonly buffer Met { uint met[]; }; // cache at each ray's hit, UNKNOWN_CACHE, or without a hit NO_REFERENCES
 layout(binding = 18, scalar) writeonly buffer FarMet { uint far_met[]; }; // the same at the ends of the rays of `images`
 layout(constant_id = 4) const uint REFERENCES = 8;
@@ -41,19 +36,48 @@ uint met_cache(Hit hit, vec3 start, vec3 direction) {
 }
 #endif
 
-// Value that a texel keeps of its ray. `p`: its point on the unit disc; `z2`: squared cosine of the ray.
-float limit_of(Hit hit, vec3 direction, vec2 p, float z2, vec3 tangent, vec3 bitangent, vec3 normal) {
+#ifdef SENT_ON
+const uint SETS = 2u; // of images
+#else
+const uint SETS = 1u;
+#endif
+
+// Reciprocal lengths of the rays [1/m]; 0 without a hit.
+shared float closeness[SETS][DEPTH_IMAGE_TEXELS];
+
+// Plane of the surface that a ray hits.
+uvec2 plane_of(Hit hit, vec3 direction) {
     if (hit.triangle == NO_HIT) {
-        return 0.0;
+        return NO_PLANE;
     }
     bool front;
     vec3 n = -hit_geometric(hit, direction, front);
-    vec3 own = vec3(dot(n, tangent), dot(n, bitangent), dot(n, normal));
-    float along = dot(n, direction);
-    // The reciprocal distance of a plane is linear in the direction: this is its minimum in the texel.
-    float slope = 1.0 / max(sqrt(z2), DEPTH_IMAGE_LEAST_Z);
-    float least = along - 0.5 * STEP * (abs(own.x - own.z * p.x * slope) + abs(own.y - own.z * p.y * slope));
-    return max(least, 0.0) / (hit.distance * along * (1.0 + MARGIN));
+    return plane_texel(n, hit.distance * dot(n, direction));
+}
+
+float closeness_of(Hit hit) {
+    return hit.triangle == NO_HIT ? 0.0 : 1.0 / max(hit.distance, 1e-37);
+}
+
+// A texel with its plane moved back by the margin. Around an edge of a body, and where a surface curves away, points of
+// the texel lie behind its plane: the margin reaches half as far as what the four neighbours show.
+uvec2 moved_back(uvec2 texel, uint set, uint at, vec3 tangent, vec3 bitangent, vec3 normal) {
+    if (texel == NO_PLANE) {
+        return texel;
+    }
+    float behind = 0.0;
+    for (uint i = 0u; i < 4u; ++i) {
+        ivec2 place = ivec2(at % DEPTH_IMAGE_SIDE, at / DEPTH_IMAGE_SIDE) + (i < 2u ? ivec2(2 * int(i) - 1, 0) : ivec2(0, 2 * int(i) - 5));
+        if (any(lessThan(place, ivec2(0))) || any(greaterThanEqual(place, ivec2(DEPTH_IMAGE_SIDE)))) {
+            continue;
+        }
+        uint other = uint(place.y) * DEPTH_IMAGE_SIDE + uint(place.x);
+        if (closeness[set][other] > 0.0) {
+            float beyond = reaches(texel, texel_direction(other, tangent, bitangent, normal)) / closeness[set][other] - 1.0;
+            behind = beyond < SAME_SURFACE ? max(behind, beyond) : behind;
+        }
+    }
+    return with_margin(texel, PLANE_MARGIN + 0.5 * behind);
 }
 
 void main() {
@@ -66,38 +90,48 @@ void main() {
     tangents(c.normal, tangent, bitangent);
     float lift = lift_at(c.position, 0.0);
     vec3 start = c.position + c.normal * lift;
+    uint first = slot * DEPTH_IMAGE_TEXELS;
     for (uint texel = gl_LocalInvocationID.x; texel < DEPTH_IMAGE_TEXELS; texel += gl_WorkGroupSize.x) {
-        vec2 p = (vec2(texel % DEPTH_IMAGE_SIDE, texel / DEPTH_IMAGE_SIDE) + 0.5) * STEP - 1.0;
-        float z2 = 1.0 - dot(p, p);
-        float limit = 0.0;
+        uvec2 plane = NO_PLANE;
+        closeness[0][texel] = 0.0;
 #ifdef SENT_ON
-        float of_all = 0.0;
+        uvec2 of_all = NO_PLANE;
         uint of_hit = NO_REFERENCES;
         uint of_far_hit = NO_REFERENCES;
+        closeness[1][texel] = 0.0;
 #endif
-        if (z2 > 0.0) {
-            vec3 direction = tangent * p.x + bitangent * p.y + c.normal * sqrt(z2);
+        if (is_on_disc(texel)) {
+            vec3 direction = texel_direction(texel, tangent, bitangent, c.normal);
 #ifdef SENT_ON
             Hit hit = trace(start, direction, lift, 3e38, push.root, 0u, false);
-            of_all = limit_of(hit, direction, p, z2, tangent, bitangent, c.normal);
+            of_all = plane_of(hit, direction);
             of_hit = met_cache(hit, start, direction);
-            limit = of_all;
+            closeness[1][texel] = closeness_of(hit);
+            plane = of_all;
             of_far_hit = of_hit;
             if (hit.triangle != NO_HIT && hit.distance < push.reach) {
                 hit = trace(start, direction, push.reach, 3e38, push.root, 0u, false);
-                limit = limit_of(hit, direction, p, z2, tangent, bitangent, c.normal);
+                plane = plane_of(hit, direction);
                 of_far_hit = met_cache(hit, start, direction);
             }
 #else
             Hit hit = trace(start, direction, max(push.reach, lift), 3e38, push.root, 0u, false);
-            limit = limit_of(hit, direction, p, z2, tangent, bitangent, c.normal);
+            plane = plane_of(hit, direction);
 #endif
+            closeness[0][texel] = closeness_of(hit);
         }
 #ifdef SENT_ON
-        all_images[slot * DEPTH_IMAGE_TEXELS + texel] = of_all;
-        met[slot * DEPTH_IMAGE_TEXELS + texel] = of_hit;
-        far_met[slot * DEPTH_IMAGE_TEXELS + texel] = of_far_hit;
+        all_images[first + texel] = of_all;
+        met[first + texel] = of_hit;
+        far_met[first + texel] = of_far_hit;
 #endif
-        images[slot * DEPTH_IMAGE_TEXELS + texel] = limit;
+        images[first + texel] = plane;
+    }
+    barrier();
+    for (uint texel = gl_LocalInvocationID.x; texel < DEPTH_IMAGE_TEXELS; texel += gl_WorkGroupSize.x) {
+        images[first + texel] = moved_back(images[first + texel], 0u, texel, tangent, bitangent, c.normal);
+#ifdef SENT_ON
+        all_images[first + texel] = moved_back(all_images[first + texel], 1u, texel, tangent, bitangent, c.normal);
+#endif
     }
 }

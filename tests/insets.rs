@@ -1,14 +1,15 @@
 //! Insets of the window: the map of a light drawn again, images with texels as squares, and the depth image of the cache
 //! nearest to a pixel's surface.
 
-use crate::common::frames::{SPOT, baked, corner, drawn_of, small};
+use crate::common::frames::{SPOT, baked, corner, drawn_of, planes, small};
 use crate::common::{assert_clean, gpu};
 use crate::debug_views::{BYTES, ONE_TO_ONE, pass};
-use glam::{DVec3, Vec3, Vec4};
+use glam::{DVec2, DVec3, Vec3, Vec4};
 use lightskin::frame::rsm::{Rsm, RsmCopy};
-use lightskin::frame::{LightShadows, Shadows, View, World};
+use lightskin::frame::{LightShadows, Near, Shadows, View, World};
 use lightskin::gpu::{Attach, Attachments, Bind, Extent, Format, Gpu, Image, ImageDesc, Shape, Use};
 use lightskin::lab::knobs::Knobs;
+use lightskin::reference::depth_image::tangents;
 use lightskin::reference::false_color::{decades, false_color};
 use lightskin::reference::tonemap::srgb_from_linear;
 use lightskin::scene::{LightKind, Projection};
@@ -170,15 +171,29 @@ fn an_inset_shows_texels_as_squares() {
     assert_clean(&gpu);
 }
 
+/// Unit direction through the middle of a depth image's texel; if it lies outside the unit disc, just above the horizon.
+fn direction(texel: usize, normal: DVec3) -> DVec3 {
+    let side = DEPTH_IMAGE_SIDE as usize;
+    let at = DVec2::new((texel % side) as f64 + 0.5, (texel / side) as f64 + 0.5) * 2.0 / side as f64 - 1.0;
+    let at = at.clamp_length_max(0.9995);
+    let [tangent, bitangent] = tangents(normal);
+    tangent * at.x + bitangent * at.y + normal * (1.0 - at.length_squared()).sqrt()
+}
+
 /// The search finds the nearest live cache that lights the side which a pixel shows, and copies its depth image.
 #[test]
 fn the_nearest_cache_is_found() {
+    // Its image is drawn without short rays, and traced with them.
+    [Near::Off, Near::Rays { per_pixel: 8, every: 2 }].into_iter().for_each(nearest_caches);
+}
+
+fn nearest_caches(near: Near) {
     let gpu = gpu();
     let mut scene = corner(&[SPOT], 20.0);
     // Some caches are out of view, and not live. Others lie behind what a pixel shows.
     scene.cameras[0].projection = Projection::Perspective { yfov: 0.9 };
     let side = 96;
-    let knobs = Knobs { size: [side; 2], cull: true, shadows: Shadows::PerLight, ..small() };
+    let knobs = Knobs { size: [side; 2], cull: true, shadows: Shadows::PerLight, near, ..small() };
     let world = World::new(&gpu, &scene, Some(&baked(&scene, 0.3, 8))).expect("upload");
     let frame = drawn_of(&gpu, &scene, &world, &knobs);
     let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
@@ -187,7 +202,16 @@ fn the_nearest_cache_is_found() {
     let all: Vec<Cache> = gpu.read(&caches.atlas.caches).expect("caches");
     let count = gpu.read::<LiveArgs>(&live.args).expect("arguments")[0].cache_count as usize;
     let list: Vec<u32> = gpu.read(&live.list).expect("a list");
-    let of_all: Vec<f32> = gpu.read(&images.buffer).expect("images");
+    let texels = DEPTH_IMAGE_TEXELS as usize;
+    let of_all: Vec<f32> = if near == Near::Off {
+        gpu.read(&images.buffer).expect("images")
+    } else {
+        let along = |(at, plane): (usize, &DVec3)| {
+            let Some(cache) = list[..count].get(at / texels) else { return 0.0 };
+            plane.dot(direction(at % texels, { all[*cache as usize].normal }.as_dvec3())).max(0.0) as f32
+        };
+        planes(&gpu, images).iter().enumerate().map(along).collect()
+    };
     let depths: Vec<f32> = gpu.read_image(&surface.depth).expect("depths");
     let normals: Vec<[f32; 4]> = gpu.read_image(&surface.normal).expect("normals");
     assert!(count < all.len(), "all of {count} caches are live");
@@ -205,7 +229,8 @@ fn the_nearest_cache_is_found() {
             let lists = [&caches.atlas.caches, &live.list, &live.args, &images.buffer].map(Bind::from);
             let pictures = [&surface.depth, &surface.normal, &image].map(Bind::from);
             cmd.bind(&pipeline, &[&lists[..], &pictures, &[(&found).into()]].concat());
-            cmd.push(&NearestPush { world_from_clip: view.world_from_clip, column, row });
+            let are_planes = images.are_traced().into();
+            cmd.push(&NearestPush { world_from_clip: view.world_from_clip, column, row, are_planes });
             cmd.dispatch(1, 1, 1);
             Ok(())
         });
@@ -238,7 +263,8 @@ fn the_nearest_cache_is_found() {
         assert!((f64::from(told.distance) - distance(other)).abs() < 1e-5, "{column}, {row}: {told:?}");
         let slot = list[..count].iter().position(|cache| *cache == told.number - 1).expect("a live cache");
         assert_eq!(({ told.position }, { told.normal }), ({ other.position }, { other.normal }));
-        assert!(shown[..] == of_all[slot * DEPTH_IMAGE_TEXELS as usize..][..shown.len()], "cache {}", told.number - 1);
+        let alike = |(a, b): (&f32, &f32)| (a - b).abs() <= if near == Near::Off { 0.0 } else { 1e-4 * b.max(0.1) };
+        assert!(shown.iter().zip(&of_all[slot * texels..]).all(alike), "cache {}", told.number - 1);
         assert!(shown.iter().any(|texel| *texel > 0.0) || seen.len() < 3, "an image without surfaces");
         seen.insert(told.number);
     }

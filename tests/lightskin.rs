@@ -95,4 +95,5 @@ mod sun;
 mod tessellate;
 mod texel;
 mod timing;
+mod traced_images;
 mod views;

@@ -21,7 +21,7 @@ use lightskin::shared::{
     Cache, DEPTH_IMAGE_SIDE, DEPTH_IMAGE_TEXELS, DIRECTIONS, NEAR_SIDE, NearLight, NearPixel, Val,
 };
 
-use crate::common::frames::{add, baked, drawn_of, phong, shoot, small};
+use crate::common::frames::{add, baked, drawn_of, phong, planes, shoot, small};
 use crate::common::{assert_clean, gpu, rounding};
 
 const RAYS: Near = Near::Rays { per_pixel: 8, every: 2 };
@@ -89,7 +89,7 @@ fn directions_of_light_are_those_of_f64() {
         let vals: Vec<Val> = gpu.read(&frame.light.vals().expect("VALs").live).expect("read");
         let val_count: u32 = gpu.read(&frame.light.vals().expect("VALs").live_count).expect("read")[0];
         let places: Vec<Cache> = gpu.read(&light.atlas.caches).expect("read");
-        let images: Option<Vec<f32>> = light.gather.depth_images().map(|i| gpu.read(&i.buffer).expect("read"));
+        let images = light.gather.depth_images().map(|images| planes(&gpu, images));
         let found: Vec<u32> = gpu.read(light.gather.radiances().expect("directions")).expect("read");
         let near = CACHE_REACH * world.spacing();
         let fade = [0.8, 1.2].map(|share: f64| (share * near).powi(2));
@@ -105,7 +105,7 @@ fn directions_of_light_are_those_of_f64() {
                     (axis.dot(d.normalize()) * half + half).clamp(0.0, 2.0 * half - 0.5) as usize
                 };
                 let at = texel(up) * DEPTH_IMAGE_SIDE as usize + texel(right);
-                f64::from(images[slot * DEPTH_IMAGE_TEXELS as usize + at]) <= 1.0 / d.length()
+                images[slot * DEPTH_IMAGE_TEXELS as usize + at].dot(d) <= 1.0
             };
             let lit = &vals[..val_count as usize];
             let expected = radiances(lit, (position, normal), fade, together, sees);

@@ -269,7 +269,8 @@ impl Nearest {
         resources.extend(pictures);
         resources.push((&self.found).into());
         cmd.bind(&self.search, &resources);
-        cmd.push(&NearestPush { world_from_clip: view.world_from_clip, column, row });
+        let are_planes = images.are_traced().into();
+        cmd.push(&NearestPush { world_from_clip: view.world_from_clip, column, row, are_planes });
         cmd.dispatch(1, 1, 1);
         cmd.barrier(Use::ComputeWrite, Use::FragmentRead);
     }

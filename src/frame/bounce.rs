@@ -67,7 +67,7 @@ impl Bounces {
         let ComputeKind { glossy, shadows, bounces, emitted, sky, weight, .. } = kind;
         // Neighbours in the list of caches lie in different directions.
         let caches = live.caches;
-        let images_as_texels = are_texels(gpu, caches);
+        let images_as_texels = are_texels(gpu, caches, near);
         let sum = |glossy| {
             let (together, proxies, two_eyes) = (1, false, false);
             let kind = SumKind { glossy, shadows, together, proxies, two_eyes, near, images_as_texels };

@@ -50,9 +50,15 @@ enum Made {
 /// counting groups, rectangles and texels together, and a rectangle may cover all texels.
 const AT_ONCE: u32 = (65_535 / (DEPTH_IMAGE_TEXELS + 1) - 1) / OCCLUDER_GROUP * OCCLUDER_GROUP;
 
+/// Bytes of the images of this many caches. A texel is a number where the images are drawn, and a plane, of twice the
+/// size, where they are traced.
+fn bytes(caches: u32, are_traced: bool) -> u64 {
+    u64::from(caches) * u64::from(DEPTH_IMAGE_TEXELS) * if are_traced { 8 } else { 4 }
+}
+
 /// Whether shaders can read the images of this many caches from a texel buffer.
-pub(super) fn are_texels(gpu: &Device, caches: u32) -> bool {
-    u64::from(caches) * u64::from(DEPTH_IMAGE_TEXELS / 4) <= gpu.most_texels()
+pub(super) fn are_texels(gpu: &Device, caches: u32, are_traced: bool) -> bool {
+    bytes(caches, are_traced) / 16 <= gpu.most_texels()
 }
 
 /// Bindings for `lib/sees.glsl`, which can read the images either way.
@@ -75,8 +81,7 @@ impl DepthImages {
     /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn with(gpu: &Device, caches: u32, alone: bool) -> Result<Self> {
         let name = if alone { "depth_images_alone.comp" } else { "depth_images.comp" };
-        let bytes = u64::from(caches.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
-        let buffer = gpu.buffer("gather.depth_images", bytes)?;
+        let buffer = gpu.buffer("gather.depth_images", bytes(caches.max(1), false))?;
         let pipeline = gpu.compute(name, &[])?;
         Ok(Self { buffer, sent_on: None, made: Made::Drawn { bounds: Bounds::new(gpu, caches)?, pipeline, alone } })
     }
@@ -88,7 +93,8 @@ impl DepthImages {
     /// As `new`. Also fails for a world without rays.
     pub(super) fn traced(gpu: &Device, world: &World, send_on: bool) -> Result<Self> {
         let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
-        let bytes = u64::from(world.cache_count.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
+        let caches = world.cache_count.max(1);
+        let (planes, met) = (bytes(caches, true), 4 * u64::from(caches) * u64::from(DEPTH_IMAGE_TEXELS));
         let name = if send_on { "trace_images_sent_on.comp" } else { "trace_images.comp" };
         let [stack, levels, texels, holes] = rays.constants(gpu);
         let by_cells = u32::from(world.references_of_pixels().is_some());
@@ -97,13 +103,18 @@ impl DepthImages {
         let made = Made::Traced(pipeline, (CACHE_REACH * world.spacing()) as f32);
         let sent_on = || -> Result<SentOn> {
             Ok(SentOn {
-                images: gpu.buffer("gather.sent_on_images", bytes)?,
-                met: gpu.buffer("gather.met", bytes)?,
-                far_met: gpu.buffer("gather.far_met", bytes)?,
+                images: gpu.buffer("gather.sent_on_images", planes)?,
+                met: gpu.buffer("gather.met", met)?,
+                far_met: gpu.buffer("gather.far_met", met)?,
             })
         };
         let sent_on = send_on.then(sent_on).transpose()?;
-        Ok(Self { buffer: gpu.buffer("gather.depth_images", bytes)?, sent_on, made })
+        Ok(Self { buffer: gpu.buffer("gather.depth_images", planes)?, sent_on, made })
+    }
+
+    /// Whether rays trace the images: their texels are planes.
+    pub fn are_traced(&self) -> bool {
+        matches!(self.made, Made::Traced(..))
     }
 
     /// Records the pass. The atlas and the list of live caches must be complete.

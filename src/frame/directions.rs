@@ -42,7 +42,7 @@ impl Directions {
     ) -> Result<Self> {
         let bytes = u64::from(caches.max(1)) * u64::from(4 * DIRECTIONS);
         let vals_bytes = u64::from(vals.max(caches).next_multiple_of(VAL_TILE)) * size_of::<Val>() as u64;
-        let [vals, images] = [gpu.reads_texels(vals_bytes), are_texels(gpu, caches)].map(u32::from);
+        let [vals, images] = [gpu.reads_texels(vals_bytes), are_texels(gpu, caches, true)].map(u32::from);
         let constants = [if gpu.is_software() { 8 } else { THREADS }, vals, images];
         let name = match (shadowed, bounces) {
             (false, false) => "directions.comp",

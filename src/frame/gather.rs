@@ -187,7 +187,7 @@ impl Compute {
         let is_traced = depth_images.as_ref().is_some_and(|images| images.sent_on.is_some());
         let bounces = further.then(|| Bounces::new(gpu, &live, ways, kind, is_traced)).transpose()?;
         let parts = parts_of(vals, split) + bounces.as_ref().map_or(0, |bounces| bounces.parts);
-        let images_as_texels = are_texels(gpu, caches);
+        let images_as_texels = are_texels(gpu, caches, is_near);
         let sum = |proxies, two_eyes| {
             let near = is_near;
             sum_pipeline(gpu, ways, SumKind { glossy, shadows, together, proxies, two_eyes, near, images_as_texels })

@@ -320,11 +320,12 @@ impl Quality {
         }
     }
 
-    /// Indirect bounces. Without shadows for every VAL, light leaks, and each bounce leaks more.
+    /// Indirect bounces: so many that more would not show. Without shadows for every VAL, light leaks, and each bounce
+    /// leaks more.
     pub fn bounces(self) -> u32 {
         match self {
             Self::Low | Self::Medium => 4,
-            Self::High | Self::Reference => 8,
+            Self::High | Self::Reference => 16,
         }
     }
 

@@ -1,8 +1,9 @@
-//! A cache's view of the rectangles that represent all surfaces. METHOD 6, "beyond the print".
+//! A cache's view of its surroundings. METHOD 6, "beyond the print", and 11.
 //!
-//! The image covers the unit disc, onto which a unit direction `w` maps by `Proj(w) = (w.T, w.B)`, eq. 5.60. A texel
-//! stores how far the cache sees through its centre. Of several rectangles the one that ends the view nearest counts,
-//! so that occluders in a row block once.
+//! The image covers the unit disc, onto which a unit direction `w` maps by `Proj(w) = (w.T, w.B)`, eq. 5.60. A drawn
+//! image shows the rectangles that represent all surfaces. Its texels store how far the cache sees through their
+//! centre; of several rectangles the one that ends the view nearest counts, so that occluders in a row block once. A
+//! traced image shows the surfaces themselves. Its texels store planes.
 
 use std::f64::consts::PI;
 
@@ -12,6 +13,7 @@ use super::gather::{Cache, Gathered, ProxyWeight, gather_received, receive, val_
 use super::occlude::Disc;
 use super::phong::mirrored_view;
 use super::rsm::Val;
+use super::world::{Sides, World};
 
 /// A cache as an occluder: the rectangle that represents its share of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,7 +122,7 @@ impl VisibleRectangle {
 /// Lower bound of the cosine at the cache for a texel's slope, which is infinite at the horizon.
 const LEAST_Z: f64 = 0.2;
 
-/// The view of one cache.
+/// The view of one cache, drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DepthImage {
     position: DVec3,
@@ -196,6 +198,70 @@ impl DepthImage {
             .iter()
             .fold(None, |most: Option<&Val>, val| Some(most.filter(|most| share(most) >= share(val)).unwrap_or(val)));
         most.is_some_and(|val| self.sees(val.position))
+    }
+}
+
+/// How far behind its plane points are still visible at least, as a share of their distance: surfaces are not flat.
+const PLANE_MARGIN: f64 = 0.01;
+
+/// Share of the distance by which a neighbouring texel's hit may lie behind a texel's plane to belong to the same
+/// surface.
+const SAME_SURFACE: f64 = 0.3;
+
+/// The view of one cache as rays find it. METHOD 11.
+pub struct TracedImage {
+    position: DVec3,
+    tangents: [DVec3; 2],
+    side: usize,
+    /// For each texel, row by row, the plane of the surface that its ray meets, moved back: the unit normal away from
+    /// the cache, divided by the plane's distance [1/m]. Zero without a surface.
+    pub planes: Vec<DVec3>,
+}
+
+impl TracedImage {
+    /// Traces an image of `side`^2 texels. Rays begin at a distance \[m\] from the cache. Where a texel's middle lies
+    /// outside the unit disc its ray passes just above the horizon.
+    pub fn new(world: &World<'_>, cache: &Cache, side: usize, start: f64) -> Self {
+        let tangents = tangents(cache.normal);
+        // The point that the ray of a texel meets, relative to the cache, and the plane there.
+        let met = |index: usize| {
+            let [left, low] = [index % side, index / side].map(|i| i as f64 * 2.0 / side as f64 - 1.0);
+            let step = 2.0 / side as f64;
+            let nearest = |from: f64| 0.0_f64.clamp(from, from + step);
+            if nearest(left).hypot(nearest(low)) >= 1.0 {
+                return None;
+            }
+            let (x, y) = (left + 0.5 * step, low + 0.5 * step);
+            let shrink = (0.9995 / x.hypot(y)).min(1.0);
+            let (x, y) = (shrink * x, shrink * y);
+            let way = x * tangents[0] + y * tangents[1] + (1.0 - x * x - y * y).sqrt() * cache.normal;
+            let hit = world.nearest(cache.position + start * way, way, Sides::Both)?;
+            let (normal, point) = (-world.surface(&hit).geometric, (start + hit.distance) * way);
+            Some((point, normal / normal.dot(point)))
+        };
+        let all: Vec<Option<(DVec3, DVec3)>> = (0..side * side).map(met).collect();
+        // Around an edge of a body, and where a surface curves away, neighbours lie behind a texel's plane. The texel
+        // itself reaches half as far.
+        let moved_back = |index: usize| {
+            let Some((_, plane)) = all[index] else { return DVec3::ZERO };
+            let (column, row) = (index % side, index / side);
+            let beside = [column.checked_sub(1).map(|_| index - 1), (column + 1 < side).then_some(index + 1)];
+            let across = [row.checked_sub(1).map(|_| index - side), (row + 1 < side).then_some(index + side)];
+            let others = beside.into_iter().chain(across).flatten().filter_map(|other| all[other]);
+            let behind = others.map(|(point, _)| plane.dot(point) - 1.0).filter(|behind| *behind < SAME_SURFACE);
+            plane / (1.0 + PLANE_MARGIN + 0.5 * behind.fold(0.0, f64::max))
+        };
+        Self { position: cache.position, tangents, side, planes: (0..side * side).map(moved_back).collect() }
+    }
+
+    /// Whether the cache sees a point above its horizon \[m\]: whether it lies in front of its texel's plane.
+    pub fn sees(&self, point: DVec3) -> bool {
+        let offset = point - self.position;
+        let place = self.tangents.map(|tangent| {
+            let at = (tangent.dot(offset.normalize_or_zero()) + 1.0) * 0.5 * self.side as f64;
+            (at as usize).min(self.side - 1)
+        });
+        self.planes[place[1] * self.side + place[0]].dot(offset) <= 1.0
     }
 }
 

@@ -1,7 +1,8 @@
 //! Small worlds, whole frames of them, and the device's intermediate results in the form that the references use.
 
+use glam::DVec3;
 use lightskin::bake::CacheSet;
-use lightskin::frame::depth_images::SentOn;
+use lightskin::frame::depth_images::{DepthImages, SentOn};
 use lightskin::frame::gather::{Compute, Gather};
 use lightskin::frame::{View, World};
 use lightskin::gpu::Gpu;
@@ -52,6 +53,18 @@ pub(crate) fn drawn_of(gpu: &Gpu, scene: &Scene, world: &World, settings: &Knobs
 pub(crate) fn traced(frame: &Frame) -> (&Compute, &SentOn) {
     let Gather::Compute(by) = &frame.light.caches().expect("caches").gather else { panic!("a compute gather") };
     (by, by.depth_images.as_ref().and_then(|images| images.sent_on.as_ref()).expect("rays"))
+}
+
+/// Texels of traced depth images: normals of planes, divided by their distance [1/m]; zero without a surface.
+pub(crate) fn planes(gpu: &Gpu, images: &DepthImages) -> Vec<DVec3> {
+    assert!(images.are_traced());
+    let plane = |&[normal, reciprocal]: &[u32; 2]| {
+        let [x, y] = [normal as i16, (normal >> 16) as i16].map(|e| (f64::from(e) / 32767.0).clamp(-1.0, 1.0));
+        let z = 1.0 - x.abs() - y.abs();
+        let folded = |a: f64, b: f64| if z < 0.0 { (1.0 - b.abs()).copysign(a) } else { a };
+        DVec3::new(folded(x, y), folded(y, x), z).normalize() * f64::from(f32::from_bits(reciprocal))
+    };
+    gpu.read::<[u32; 2]>(&images.buffer).expect("read").iter().map(plane).collect()
 }
 
 /// Both indirect layers as raw bits.
