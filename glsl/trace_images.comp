@@ -1,5 +1,5 @@
 // Stage 6, before the gather: traces each live cache's depth image, one ray per texel. Rays begin at a given distance.
-// METHOD 11.
+// The next pass, image_margins.comp, moves the planes back. METHOD 11.
 // variant trace_images_sent_on.comp: SENT_ON (also the caches at hits, for the light that caches send on)
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit.glsl"
@@ -10,10 +10,10 @@ layout(push_constant, scalar) uniform Push { TracePush push; };
 layout(binding = 12, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 13, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 14, scalar) readonly buffer Args { LiveArgs args; };
-layout(binding = 15, scalar) buffer Images { uvec2 images[]; };
+layout(binding = 15, scalar) writeonly buffer Images { uvec2 images[]; };
 
 #ifdef SENT_ON
-layout(binding = 16, scalar) buffer AllImages { uvec2 all_images[]; };
+layout(binding = 16, scalar) writeonly buffer AllImages { uvec2 all_images[]; };
 layout(binding = 17, scalar) writeonly buffer Met { uint met[]; }; // cache at each ray's hit, UNKNOWN_CACHE, or without a hit NO_REFERENCES
 layout(binding = 18, scalar) writeonly buffer FarMet { uint far_met[]; }; // the same at the ends of the rays of `images`
 layout(constant_id = 4) const uint REFERENCES = 8;
@@ -36,15 +36,6 @@ uint met_cache(Hit hit, vec3 start, vec3 direction) {
 }
 #endif
 
-#ifdef SENT_ON
-const uint SETS = 2u; // of images
-#else
-const uint SETS = 1u;
-#endif
-
-// Reciprocal lengths of the rays [1/m]; 0 without a hit.
-shared float closeness[SETS][DEPTH_IMAGE_TEXELS];
-
 // Plane of the surface that a ray hits.
 uvec2 plane_of(Hit hit, vec3 direction) {
     if (hit.triangle == NO_HIT) {
@@ -53,31 +44,6 @@ uvec2 plane_of(Hit hit, vec3 direction) {
     bool front;
     vec3 n = -hit_geometric(hit, direction, front);
     return plane_texel(n, hit.distance * dot(n, direction));
-}
-
-float closeness_of(Hit hit) {
-    return hit.triangle == NO_HIT ? 0.0 : 1.0 / max(hit.distance, 1e-37);
-}
-
-// A texel with its plane moved back by the margin. Around an edge of a body, and where a surface curves away, points of
-// the texel lie behind its plane: the margin reaches half as far as what the four neighbours show.
-uvec2 moved_back(uvec2 texel, uint set, uint at, vec3 tangent, vec3 bitangent, vec3 normal) {
-    if (texel == NO_PLANE) {
-        return texel;
-    }
-    float behind = 0.0;
-    for (uint i = 0u; i < 4u; ++i) {
-        ivec2 place = ivec2(at % DEPTH_IMAGE_SIDE, at / DEPTH_IMAGE_SIDE) + (i < 2u ? ivec2(2 * int(i) - 1, 0) : ivec2(0, 2 * int(i) - 5));
-        if (any(lessThan(place, ivec2(0))) || any(greaterThanEqual(place, ivec2(DEPTH_IMAGE_SIDE)))) {
-            continue;
-        }
-        uint other = uint(place.y) * DEPTH_IMAGE_SIDE + uint(place.x);
-        if (closeness[set][other] > 0.0) {
-            float beyond = reaches(texel, texel_direction(other, tangent, bitangent, normal)) / closeness[set][other] - 1.0;
-            behind = beyond < SAME_SURFACE ? max(behind, beyond) : behind;
-        }
-    }
-    return with_margin(texel, PLANE_MARGIN + 0.5 * behind);
 }
 
 void main() {
@@ -93,12 +59,10 @@ void main() {
     uint first = slot * DEPTH_IMAGE_TEXELS;
     for (uint texel = gl_LocalInvocationID.x; texel < DEPTH_IMAGE_TEXELS; texel += gl_WorkGroupSize.x) {
         uvec2 plane = NO_PLANE;
-        closeness[0][texel] = 0.0;
 #ifdef SENT_ON
         uvec2 of_all = NO_PLANE;
         uint of_hit = NO_REFERENCES;
         uint of_far_hit = NO_REFERENCES;
-        closeness[1][texel] = 0.0;
 #endif
         if (is_on_disc(texel)) {
             vec3 direction = texel_direction(texel, tangent, bitangent, c.normal);
@@ -106,7 +70,6 @@ void main() {
             Hit hit = trace(start, direction, lift, 3e38, push.root, 0u, false);
             of_all = plane_of(hit, direction);
             of_hit = met_cache(hit, start, direction);
-            closeness[1][texel] = closeness_of(hit);
             plane = of_all;
             of_far_hit = of_hit;
             if (hit.triangle != NO_HIT && hit.distance < push.reach) {
@@ -118,7 +81,6 @@ void main() {
             Hit hit = trace(start, direction, max(push.reach, lift), 3e38, push.root, 0u, false);
             plane = plane_of(hit, direction);
 #endif
-            closeness[0][texel] = closeness_of(hit);
         }
 #ifdef SENT_ON
         all_images[first + texel] = of_all;
@@ -126,12 +88,5 @@ void main() {
         far_met[first + texel] = of_far_hit;
 #endif
         images[first + texel] = plane;
-    }
-    barrier();
-    for (uint texel = gl_LocalInvocationID.x; texel < DEPTH_IMAGE_TEXELS; texel += gl_WorkGroupSize.x) {
-        images[first + texel] = moved_back(images[first + texel], 0u, texel, tangent, bitangent, c.normal);
-#ifdef SENT_ON
-        all_images[first + texel] = moved_back(all_images[first + texel], 1u, texel, tangent, bitangent, c.normal);
-#endif
     }
 }

@@ -53,20 +53,9 @@ bool is_on_disc(uint texel) {
     return dot(nearest, nearest) < HALF * HALF;
 }
 
-// How far behind its plane points are still visible at least, as a share of their distance: surfaces are not flat.
-const float PLANE_MARGIN = 0.01;
-
-// Share of the distance by which a neighbouring texel's hit may lie behind a texel's plane to belong to the same surface.
-const float SAME_SURFACE = 0.3;
-
 // A texel of a traced image: plane at a distance [m] from the cache along its unit normal, which points away from it.
 uvec2 plane_texel(vec3 normal, float distance) {
     return uvec2(packSnorm2x16(octahedral_encode(normal)), floatBitsToUint(1.0 / max(distance, 1e-37)));
-}
-
-// A texel with its plane moved back by a share of the distance.
-uvec2 with_margin(uvec2 texel, float margin) {
-    return uvec2(texel.x, floatBitsToUint(uintBitsToFloat(texel.y) / (1.0 + margin)));
 }
 
 // Texel of a direction without a surface.

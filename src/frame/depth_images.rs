@@ -42,8 +42,14 @@ enum Made {
         /// Whether one thread draws an image, instead of a workgroup.
         alone: bool,
     },
-    /// Traced by rays through the scene that start at this distance \[m\].
-    Traced(Pipeline, f32),
+    /// Traced by rays through the scene.
+    Traced {
+        trace: Pipeline,
+        /// Moves the planes back.
+        margins: Pipeline,
+        /// Distance at which rays start \[m\].
+        reach: f32,
+    },
 }
 
 /// Rectangles that a thread draws per dispatch, in whole groups. Older lavapipe leaves loops after 65 535 iterations,
@@ -99,8 +105,9 @@ impl DepthImages {
         let [stack, levels, texels, holes] = rays.constants(gpu);
         let by_cells = u32::from(world.references_of_pixels().is_some());
         let constants = [stack, levels, texels, holes, world.references_each as u32, by_cells];
-        let pipeline = gpu.compute(name, &constants[..if send_on { 6 } else { 4 }])?;
-        let made = Made::Traced(pipeline, (CACHE_REACH * world.spacing()) as f32);
+        let trace = gpu.compute(name, &constants[..if send_on { 6 } else { 4 }])?;
+        let margins = gpu.compute("image_margins.comp", &[])?;
+        let made = Made::Traced { trace, margins, reach: (CACHE_REACH * world.spacing()) as f32 };
         let sent_on = || -> Result<SentOn> {
             Ok(SentOn {
                 images: gpu.buffer("gather.sent_on_images", planes)?,
@@ -114,14 +121,23 @@ impl DepthImages {
 
     /// Whether rays trace the images: their texels are planes.
     pub fn are_traced(&self) -> bool {
-        matches!(self.made, Made::Traced(..))
+        matches!(self.made, Made::Traced { .. })
     }
 
     /// Records the pass. The atlas and the list of live caches must be complete.
     pub fn record(&self, cmd: &Cmd<'_>, world: &World, atlas: &Atlas, live: &Live) {
         match &self.made {
             Made::Drawn { bounds, pipeline, alone } => self.draw(cmd, atlas, live, (bounds, pipeline, *alone)),
-            Made::Traced(pipeline, reach) => self.trace(cmd, world, atlas, live, (pipeline, *reach)),
+            Made::Traced { trace, margins, reach } => {
+                self.trace(cmd, world, atlas, live, (trace, *reach));
+                cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
+                cmd.bind(margins, &[&atlas.caches, &live.list, &live.args, &self.buffer].map(Bind::from));
+                cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
+                if let Some(SentOn { images, .. }) = &self.sent_on {
+                    cmd.bind(margins, &[&atlas.caches, &live.list, &live.args, images].map(Bind::from));
+                    cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
+                }
+            }
         }
     }
 
