@@ -183,6 +183,8 @@ impl Compute {
         let live = Live::new(gpu, Items { caches, group: 1, per_workgroup, lights: vals, split })?;
         let ComputeKind { glossy, shadows, together, bounces, eyes, near, .. } = kind;
         let is_near = near > 0.0;
+        // Shaders expect planes wherever short rays find nearby light.
+        assert!(depth_images.as_ref().is_none_or(|images| images.are_traced() == is_near), "images of another kind");
         let further = bounces > 0;
         let is_traced = depth_images.as_ref().is_some_and(|images| images.sent_on.is_some());
         let bounces = further.then(|| Bounces::new(gpu, &live, ways, kind, is_traced)).transpose()?;
