@@ -129,7 +129,7 @@ fn glass_has_the_light_of_paths() {
     let shot = shoot(&gpu(), &scene, Some(&baked(&scene, 0.15, 8)), &knobs);
     let layers = [
         ("direct", shot.direct, paths.direct(), 0.001),
-        ("diffuse", shot.diffuse, paths.diffuse(), 0.01),
+        ("diffuse", shot.diffuse, paths.diffuse(), 0.005),
         ("glossy", shot.glossy, paths.glossy(), 0.1),
     ];
     for (name, shown, truth, most) in layers {

@@ -5,8 +5,10 @@
 #define SEES_GLSL
 #include "lib/depth_image.glsl"
 
-layout(binding = IMAGE_BINDING) uniform samplerBuffer image_texels; // consecutive texels of a row: two planes or four limits
+layout(binding = IMAGE_BINDING) uniform samplerBuffer image_texels; // PER_WORD consecutive texels of a row each
 layout(binding = IMAGE_WORDS_BINDING, std430) readonly buffer ImageWords { vec4 image_words[]; }; // the same
+
+const uint PER_WORD = PLANES != 0u ? 2u : 4u; // texels
 
 // A cache's depth image and its tangent frame, scaled to half a side.
 struct View {
@@ -17,7 +19,7 @@ struct View {
 
 View view(uint slot, vec3 normal) {
     const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
-    View v = View(slot * (DEPTH_IMAGE_TEXELS / (PLANES != 0u ? 2u : 4u)), vec3(0.0), vec3(0.0));
+    View v = View(slot * (DEPTH_IMAGE_TEXELS / PER_WORD), vec3(0.0), vec3(0.0));
     tangents(normal, v.right, v.up);
     v.right *= HALF;
     v.up *= HALF;
@@ -31,7 +33,7 @@ float sees(View v, vec3 d) {
     float inverse = inversesqrt(max(d2, 1e-37));
     uvec2 at = uvec2(clamp(vec2(dot(v.right, d), dot(v.up, d)) * inverse + HALF, 0.0, 2.0 * HALF - 0.5));
     uint texel = at.y * DEPTH_IMAGE_SIDE + at.x;
-    uint word = v.image + texel / (PLANES != 0u ? 2u : 4u);
+    uint word = v.image + texel / PER_WORD;
     vec4 texels = IMAGES_AS_TEXELS != 0u ? texelFetch(image_texels, int(word)) : image_words[word];
     if (PLANES != 0u) {
         return reaches(floatBitsToUint((at.x & 1u) != 0u ? texels.zw : texels.xy), d) <= 1.0 ? 1.0 : 0.0;

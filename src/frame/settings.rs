@@ -320,8 +320,7 @@ impl Quality {
         }
     }
 
-    /// Indirect bounces: so many that more would not show. Without shadows for every VAL, light leaks, and each bounce
-    /// leaks more.
+    /// Indirect bounces. Without shadows for every VAL, light leaks, and each bounce leaks more.
     pub fn bounces(self) -> u32 {
         match self {
             Self::Low | Self::Medium => 4,

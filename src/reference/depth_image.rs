@@ -183,30 +183,33 @@ impl DepthImage {
     /// Whether the cache sees a point above its horizon \[m\].
     pub fn sees(&self, point: DVec3) -> bool {
         let offset = point - self.position;
-        let distance = offset.length();
-        let place = self.tangents.map(|tangent| {
-            let at = (tangent.dot(offset) / distance.max(f64::MIN_POSITIVE) + 1.0) * 0.5 * self.side as f64;
-            (at as usize).min(self.side - 1)
-        });
-        self.ends[place[1] * self.side + place[0]] * distance <= 1.0
+        self.ends[texel(self.tangents, self.side, offset)] * offset.length() <= 1.0
     }
 
     /// Whether the cache sees the one of these VALs that would light it most.
     pub fn sees_most_lit(&self, cache: &Cache, vals: &[Val]) -> bool {
-        let share = |val: &Val| val_geometry(cache.position, cache.normal, val).0;
-        let most = vals
-            .iter()
-            .fold(None, |most: Option<&Val>, val| Some(most.filter(|most| share(most) >= share(val)).unwrap_or(val)));
-        most.is_some_and(|val| self.sees(val.position))
+        most_lit(cache, vals).is_some_and(|val| self.sees(val.position))
     }
+}
+
+/// The texel of an image of `side`^2 texels that contains the direction of a vector from the cache.
+fn texel(tangents: [DVec3; 2], side: usize, offset: DVec3) -> usize {
+    let way = offset.normalize_or_zero();
+    let place = tangents.map(|tangent| (((tangent.dot(way) + 1.0) * 0.5 * side as f64) as usize).min(side - 1));
+    place[1] * side + place[0]
+}
+
+/// The VAL that would light a cache most if all were visible.
+pub fn most_lit<'a>(cache: &Cache, vals: &'a [Val]) -> Option<&'a Val> {
+    let share = |val: &Val| val_geometry(cache.position, cache.normal, val).0;
+    vals.iter().fold(None, |most, val| Some(most.filter(|most| share(most) >= share(val)).unwrap_or(val)))
 }
 
 /// How far behind its plane points are still visible at least, as a share of their distance: surfaces are not flat.
 const PLANE_MARGIN: f64 = 0.01;
 
-/// Share of the distance by which a neighbouring texel's hit may lie behind a texel's plane to belong to the same
-/// surface.
-const SAME_SURFACE: f64 = 0.3;
+/// Margins are at most this share: farther points are hardly of the same surface.
+const MOST_MARGIN: f64 = 1.0;
 
 /// The view of one cache as rays find it. METHOD 11.
 pub struct TracedImage {
@@ -214,7 +217,7 @@ pub struct TracedImage {
     tangents: [DVec3; 2],
     side: usize,
     /// For each texel, row by row, the plane of the surface that its ray meets, moved back: the unit normal away from
-    /// the cache, divided by the plane's distance [1/m]. Zero without a surface.
+    /// the cache, divided by the plane's distance \[1/m\]. Zero without a surface.
     pub planes: Vec<DVec3>,
 }
 
@@ -240,16 +243,19 @@ impl TracedImage {
             Some((point, normal / normal.dot(point)))
         };
         let all: Vec<Option<(DVec3, DVec3)>> = (0..side * side).map(met).collect();
-        // Around an edge of a body, and where a surface curves away, neighbours lie behind a texel's plane. The texel
-        // itself reaches half as far.
+        // Around an edge of a body, and where a surface curves away, two neighbours lie behind each other's planes. A
+        // texel's corners are half as far away in its row and in its column.
         let moved_back = |index: usize| {
-            let Some((_, plane)) = all[index] else { return DVec3::ZERO };
+            let Some((own, plane)) = all[index] else { return DVec3::ZERO };
             let (column, row) = (index % side, index / side);
-            let beside = [column.checked_sub(1).map(|_| index - 1), (column + 1 < side).then_some(index + 1)];
-            let across = [row.checked_sub(1).map(|_| index - side), (row + 1 < side).then_some(index + side)];
-            let others = beside.into_iter().chain(across).flatten().filter_map(|other| all[other]);
-            let behind = others.map(|(point, _)| plane.dot(point) - 1.0).filter(|behind| *behind < SAME_SURFACE);
-            plane / (1.0 + PLANE_MARGIN + 0.5 * behind.fold(0.0, f64::max))
+            let behind = |before: Option<usize>, after: Option<usize>| {
+                let met = [before, after].into_iter().flatten().filter_map(|other| all[other]);
+                let bends = met.filter(|(_, other)| other.dot(own) >= 0.999);
+                bends.map(|(point, _)| plane.dot(point) - 1.0).fold(0.0, f64::max)
+            };
+            let in_row = behind((column > 0).then(|| index - 1), (column + 1 < side).then_some(index + 1));
+            let in_column = behind((row > 0).then(|| index - side), (row + 1 < side).then_some(index + side));
+            plane / (1.0 + (PLANE_MARGIN + 0.5 * (in_row + in_column)).min(MOST_MARGIN))
         };
         Self { position: cache.position, tangents, side, planes: (0..side * side).map(moved_back).collect() }
     }
@@ -257,11 +263,7 @@ impl TracedImage {
     /// Whether the cache sees a point above its horizon \[m\]: whether it lies in front of its texel's plane.
     pub fn sees(&self, point: DVec3) -> bool {
         let offset = point - self.position;
-        let place = self.tangents.map(|tangent| {
-            let at = (tangent.dot(offset.normalize_or_zero()) + 1.0) * 0.5 * self.side as f64;
-            (at as usize).min(self.side - 1)
-        });
-        self.planes[place[1] * self.side + place[0]].dot(offset) <= 1.0
+        self.planes[texel(self.tangents, self.side, offset)].dot(offset) <= 1.0
     }
 }
 
