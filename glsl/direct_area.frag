@@ -168,26 +168,15 @@ float visibility(Light light, uint number, float radius, int taps, vec3 position
 // Sheen's reflection of a rectangle, relative to the surface's form factor: the mean over 3 points in each triangle
 // about the centre of the visible part, weighted by the light from each point.
 vec3 sheen_area(Coat coat, CoatAlbedo over, SeenPart part, vec3 n, vec3 looking) {
-    vec3 middle = vec3(0.0);
-    for (int i = 0; i < part.count; ++i) {
-        middle += part.corners[i] / float(part.count);
-    }
+    vec3 middle = middle_of(part);
     float roughness = max(coat.sheen_roughness, LEAST_SHEEN_ROUGHNESS);
     float sum = 0.0;
     float all = 0.0;
     for (int i = 0; i < part.count; ++i) {
-        vec3 a = part.corners[i];
-        vec3 b = part.corners[i + 1 < part.count ? i + 1 : 0];
-        float area = length(cross(a - middle, b - middle));
-        vec3 third = (middle + a + b) / 6.0;
-        for (int j = 0; j < 3; ++j) {
-            vec3 d = third + 0.5 * (j == 0 ? middle : j == 1 ? a : b);
-            float d2 = max(dot(d, d), 1e-30);
-            vec3 towards = d * inversesqrt(d2);
-            // Points of one plane: the cosine at the light falls with distance, too.
-            float weight = area / (d2 * sqrt(d2));
-            sum += weight * sheen_formula(roughness, n, looking, towards);
-            all += weight * max(dot(n, towards), 0.0);
+        for (int point = 0; point < 3; ++point) {
+            vec4 towards = point_of_part(part, middle, i, point);
+            sum += towards.w * sheen_formula(roughness, n, looking, towards.xyz);
+            all += towards.w * max(dot(n, towards.xyz), 0.0);
         }
     }
     float excess = max(sheen_whole(roughness, -dot(n, looking)), 1.0);

@@ -297,6 +297,7 @@ fn wrong_usage_is_exit_code_2() {
     fails(&at, &["render", "--angle", "200"], 2, &["degrees"]);
     fails(&at, &["lab"], 2, &["choices", "flicker", "hard-cases", "sources"]);
     fails(&at, &["lab", "flicker", "--cluster", "4", "--cluster-error", "0.1"], 2, &["cannot be used with"]);
+    fails(&at, &["lab", "sheet", ".", "--", "--seed", "3"], 2, &["--seed", "leave it out"]);
     fails(&at, &["frobnicate"], 2, &["frobnicate"]);
     assert_eq!(left(&at), [] as [&str; 0]);
 }

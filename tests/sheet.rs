@@ -28,18 +28,22 @@ fn a_sheet_has_every_scene_and_a_word_on_every_broken_one() {
     assert!(broken.contains("JSON"), "{broken}");
     assert!(!page.contains("notes.txt"));
     // The worst scene is first, with the figures of the output.
-    let figures = |line: &str| -> Option<(f64, String)> {
-        let (flip, rest) = line.strip_prefix("FLIP ")?.split_once(", bias ")?;
-        Some((flip.parse().ok()?, rest.split_once("%  ")?.1.to_owned()))
+    let figures = |line: &str| -> Option<(f64, f64, String)> {
+        let (flip, rest) = line.strip_prefix("FLIP ")?.split_once(", noise ")?;
+        let (noise, rest) = rest.split_once(", bias ")?;
+        Some((flip.parse().ok()?, noise.parse().ok()?, rest.split_once("%  ")?.1.to_owned()))
     };
-    let mut lines: Vec<(f64, String)> = said.lines().filter_map(figures).collect();
+    let mut lines: Vec<(f64, f64, String)> = said.lines().filter_map(figures).collect();
     lines.sort_by(|a, b| b.0.total_cmp(&a.0));
     assert_eq!(lines.len(), 2, "{said}");
     let heads: Vec<&str> = page.lines().filter(|line| line.contains("<h2")).collect();
-    for ((flip, scene), (index, head)) in lines.iter().zip(heads.iter().enumerate()) {
-        assert!(*flip > 0.0 && head.contains(&format!("scene-{index}")), "{head}");
+    for ((flip, noise, scene), (index, head)) in lines.iter().zip(heads.iter().enumerate()) {
+        assert!(*noise > 0.0 && noise < flip && head.contains(&format!("scene-{index}")), "{head}");
         assert!(head.contains(&scene.replace('&', "&amp;")), "{head} does not name {scene}");
-        assert!(page.contains(&format!("<b>{flip:.4}</b>")), "{flip}");
+        assert!(
+            page.contains(&format!("<b>{flip:.4}</b>")) && page.contains(&format!("{noise:.4}")),
+            "{flip}, {noise}"
+        );
     }
 }
 

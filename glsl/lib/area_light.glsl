@@ -34,6 +34,26 @@ SeenPart above_horizon(vec3 middle, vec3 right, vec3 up, vec3 n) {
     return part;
 }
 
+// Mean of a polygon's corners.
+vec3 middle_of(SeenPart part) {
+    vec3 sum = vec3(0.0);
+    for (int i = 0; i < part.count; ++i) {
+        sum += part.corners[i];
+    }
+    return sum / float(part.count);
+}
+
+// Direction to one of the 3 points of a polygon's triangle `i` about its middle, and the solid angle [sr] that the point
+// stands for. The points of all triangles integrate over the polygon what is smooth there.
+vec4 point_of_part(SeenPart part, vec3 middle, int i, int point) {
+    vec3 a = part.corners[i];
+    vec3 b = part.corners[i + 1 < part.count ? i + 1 : 0];
+    vec3 d = (middle + a + b) / 6.0 + 0.5 * (point == 0 ? middle : point == 1 ? a : b);
+    float closeness = inversesqrt(max(dot(d, d), 1e-30));
+    float volume = abs(dot(middle, cross(a - middle, b - middle))); // twice the area times the height over its plane
+    return vec4(d * closeness, volume / 6.0 * closeness * closeness * closeness);
+}
+
 // Part of an edge in Lambert's sum: its angle seen from the point, times the cosine between n and the normal of the plane
 // of edge and point.
 float lambert_edge(vec3 a, vec3 b, vec3 n) {

@@ -92,10 +92,14 @@ vec3 ggx_albedo(vec3 f0, float f90, vec2 once) {
     return (f0 * once.x + f90 * once.y) * scattered_again(f0, once);
 }
 
-// GGX BRDF [1/sr] for light from direction `towards`; `looking` is the unit vector from the viewer.
-vec3 ggx_lobe(vec3 f0, float f90, float roughness, vec3 n, vec3 looking, vec3 towards) {
+// Unit vector to the viewer, from the surface's side that it sees.
+vec3 seen_from(vec3 n, vec3 looking) {
     float facing = -dot(n, looking);
-    vec3 view = facing < LEAST_COSINE ? normalize(n * (LEAST_COSINE - facing) - looking) : -looking;
+    return facing < LEAST_COSINE ? normalize(n * (LEAST_COSINE - facing) - looking) : -looking;
+}
+
+// GGX BRDF [1/sr] that scatters once, for light from direction `towards`: factors of F0 and of F90.
+vec2 ggx_parts(float roughness, vec3 n, vec3 view, vec3 towards) {
     float nv = dot(n, view);
     float nl = dot(n, towards);
     vec3 h = normalize(view + towards);
@@ -107,8 +111,15 @@ vec3 ggx_lobe(vec3 f0, float f90, float roughness, vec3 n, vec3 looking, vec3 to
     float spread = 1.0 - a * a;
     float seen = nl * sqrt(a * a + spread * nv * nv) + nv * sqrt(a * a + spread * nl * nl);
     float missed = 1.0 - clamp(dot(view, h), 0.0, 1.0);
-    vec3 fresnel = f0 + (f90 - f0) * ((missed * missed) * (missed * missed) * missed);
-    return fresnel * scattered_again(f0, scattered_once(roughness, nv)) * (narrow * narrow * (0.5 / 3.14159265) / max(seen, 1e-30));
+    float at_edge = (missed * missed) * (missed * missed) * missed;
+    return vec2(1.0 - at_edge, at_edge) * (narrow * narrow * (0.5 / 3.14159265) / max(seen, 1e-30));
+}
+
+// GGX BRDF [1/sr] for light from direction `towards`; `looking` is the unit vector from the viewer.
+vec3 ggx_lobe(vec3 f0, float f90, float roughness, vec3 n, vec3 looking, vec3 towards) {
+    vec3 view = seen_from(n, looking);
+    vec2 parts = ggx_parts(roughness, n, view, towards);
+    return (f0 * parts.x + f90 * parts.y) * scattered_again(f0, scattered_once(roughness, dot(n, view)));
 }
 
 // BRDF [1/sr] of either lobe type for light from `towards`, which must be above the surface.

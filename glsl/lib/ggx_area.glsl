@@ -56,6 +56,38 @@ float mapped_form_factor(SeenPart part, mat3 map) {
     return abs(sum) / TWO_PI;
 }
 
+// Agreement of a sum over points and an integral below which the points miss too much of a lobe, and above which they
+// are as good.
+const vec2 AGREEMENT = vec2(0.5, 0.9);
+
+// Shares of the mapped lobe below which its integral says nothing of GGX, whose tails are longer.
+const float LEAST_SHARE = 1e-5;
+
+// Shares of a polygon that the two parts of a GGX lobe reflect, normalised. Mapped lobes, with the shares `shares`, are
+// wrong by half far from their peaks. Sums over points correct them, where the points see the mapped lobe as it is.
+vec2 corrected_shares(SeenPart part, vec3 n, vec3 looking, float roughness, vec2 once, mat3 maps[2], vec2 shares) {
+    vec3 view = seen_from(n, looking);
+    vec3 middle = middle_of(part);
+    vec2 scale = vec2(determinant(maps[0]), determinant(maps[1])) * (2.0 / TWO_PI);
+    vec2 exact = vec2(0.0);
+    vec2 mapped = vec2(0.0);
+    [[dont_unroll]] for (int i = 0; i < part.count; ++i) {
+        [[dont_unroll]] for (int point = 0; point < 3; ++point) {
+            vec4 towards = point_of_part(part, middle, i, point);
+            exact += towards.w * max(dot(n, towards.xyz), 0.0) * ggx_parts(roughness, n, view, towards.xyz);
+            vec3 first = maps[0] * towards.xyz;
+            vec3 second = maps[1] * towards.xyz;
+            vec2 d2 = vec2(dot(first, first), dot(second, second));
+            mapped += towards.w * max(vec2(first.z, second.z), 0.0) * scale / max(d2 * d2, 1e-30);
+        }
+    }
+    exact /= max(once, vec2(1e-6));
+    mapped += LEAST_SHARE;
+    vec2 whole = shares + LEAST_SHARE;
+    vec2 agreement = min(mapped, whole) / max(mapped, whole);
+    return mix(shares, exact * whole / mapped, smoothstep(AGREEMENT.x, AGREEMENT.y, agreement));
+}
+
 // Share of a polygon's radiance that a GGX lobe reflects. `part`: above the horizon of n, with at least 3 corners;
 // `looking`: unit, from the viewer.
 vec3 polygon_ggx(SeenPart part, vec3 n, vec3 looking, vec3 f0, float coded) {
@@ -68,12 +100,14 @@ vec3 polygon_ggx(SeenPart part, vec3 n, vec3 looking, vec3 f0, float coded) {
     x = normalize(x);
     mat3 to_view = transpose(mat3(x, cross(n, x), n));
     vec2 once = scattered_once(roughness, cosine);
-    vec3 reflected = vec3(0.0);
+    vec2 shares;
+    mat3 maps[2];
     [[dont_unroll]] for (uint i = 0u; i < 2u; ++i) {
-        vec3 scale = i == 0u ? f0 * once.x : vec3(coded_f90(coded) * once.y);
-        reflected += scale * mapped_form_factor(part, cosine_from_view(i, roughness, cosine) * to_view);
+        maps[i] = cosine_from_view(i, roughness, cosine) * to_view;
+        shares[i] = mapped_form_factor(part, maps[i]);
     }
-    return reflected * scattered_again(f0, once);
+    vec2 reflected = once * corrected_shares(part, n, looking, roughness, once, maps, shares);
+    return (f0 * reflected.x + coded_f90(coded) * reflected.y) * scattered_again(f0, once);
 }
 
 #endif

@@ -27,44 +27,51 @@ pub struct Entry {
     pub flip: f64,
     /// HDR-FLIP: mean over pixels that show a surface.
     pub flip_of_surfaces: f64,
+    /// HDR-FLIP that an exact picture would have: that of the path tracer's own noise.
+    pub flip_of_noise: f64,
     /// Relative error of the mean radiance over pixels that show a surface.
     pub bias: f64,
     html: String,
 }
 
 impl Entry {
-    /// Compares a picture with the path tracer's; both hold linear radiance. `covered` marks pixels that show a
-    /// surface. `notes` are printed below.
+    /// Compares a picture with the mean of two of the path tracer that have equally many, independent samples. All
+    /// hold linear radiance. The first differs from their mean as much as the mean differs from the truth: its FLIP is
+    /// that of the noise. `covered` marks pixels that show a surface. `notes` are printed below.
     ///
     /// # Errors
     /// Fails if the pictures differ in size, show no surface or have non-finite values.
     pub fn new(
         scene: &str,
         drawn: &Picture,
-        traced: &Picture,
+        [half, other]: &[Picture; 2],
         covered: &[bool],
         notes: &[String],
     ) -> std::result::Result<Self, String> {
-        let size = [traced.width, traced.height];
-        if [drawn.width, drawn.height] != size || covered.len() != traced.rgb.len() {
+        let size = [half.width, half.height];
+        let sizes = [drawn, half, other].map(|picture| [picture.width, picture.height]);
+        if sizes != [size; 3] || covered.len() != half.rgb.len() {
             return Err("the pictures differ in size".into());
         }
+        let mean_of = |(a, b): (&[f32; 3], &[f32; 3])| [0, 1, 2].map(|channel| 0.5 * (a[channel] + b[channel]));
+        let traced: Vec<[f32; 3]> = half.rgb.iter().zip(&other.rgb).map(mean_of).collect();
         if !covered.contains(&true) {
             return Err("the camera sees no surface".into());
         }
-        let map = flip(&drawn.rgb, &traced.rgb, size, Values::Radiance, PIXELS_PER_DEGREE);
+        let map = flip(&drawn.rgb, &traced, size, Values::Radiance, PIXELS_PER_DEGREE);
+        let noise = flip(&half.rgb, &traced, size, Values::Radiance, PIXELS_PER_DEGREE);
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let of_surfaces = |rgb: &[[f32; 3]]| -> Vec<[f32; 3]> {
             rgb.iter().zip(covered).filter(|(_, covered)| **covered).map(|(pixel, _)| *pixel).collect()
         };
         let seen: Vec<f64> =
             map.iter().zip(covered).filter(|(_, covered)| **covered).map(|(error, _)| *error).collect();
-        let bias = metrics(&of_surfaces(&drawn.rgb), &of_surfaces(&traced.rgb)).bias;
-        let (flip, flip_of_surfaces) = (mean(&map), mean(&seen));
-        if !flip.is_finite() {
+        let bias = metrics(&of_surfaces(&drawn.rgb), &of_surfaces(&traced)).bias;
+        let (flip, flip_of_surfaces, flip_of_noise) = (mean(&map), mean(&seen), mean(&noise));
+        if !(flip.is_finite() && flip_of_noise.is_finite()) {
             return Err("values of the pictures are not finite; this is a bug of lightskin".into());
         }
-        let radiance: Vec<_> = traced.rgb.iter().map(|rgb| Vec3::from(*rgb).as_dvec3()).collect();
+        let radiance: Vec<_> = traced.iter().map(|rgb| Vec3::from(*rgb).as_dvec3()).collect();
         let exposure = (-automatic_ev(size, &radiance, covered)).exp2() / 1.2;
         let shown = |rgb: &[[f32; 3]]| -> Vec<u8> {
             let bytes = |pixel: &[f32; 3]| {
@@ -76,7 +83,7 @@ impl Entry {
         let mut html = String::new();
         for (what, rgba) in [
             ("the engine", shown(&drawn.rgb)),
-            ("the path tracer", shown(&traced.rgb)),
+            ("the path tracer", shown(&traced)),
             ("FLIP of each pixel", colors(&map, HEAT)),
         ] {
             let data = base64::engine::general_purpose::STANDARD.encode(png(size[0], size[1], &rgba)?);
@@ -87,14 +94,14 @@ impl Entry {
             );
         }
         let mut html = format!(
-            "<p>FLIP <b>{flip:.4}</b>, {flip_of_surfaces:.4} of surfaces; bias of surfaces <b>{:+.2} %</b></p>\n\
+            "<p>FLIP <b>{flip:.4}</b>, {flip_of_surfaces:.4} of surfaces, {flip_of_noise:.4} of the path tracer's noise; bias of surfaces <b>{:+.2} %</b></p>\n\
              <div class=\"strip\">{html}</div>\n",
             100.0 * bias
         );
         for note in notes {
             let _ = writeln!(html, "<p><small>{}</small></p>", escape(note));
         }
-        Ok(Self { scene: scene.into(), flip, flip_of_surfaces, bias, html })
+        Ok(Self { scene: scene.into(), flip, flip_of_surfaces, flip_of_noise, bias, html })
     }
 }
 
@@ -124,15 +131,17 @@ impl Sheet {
         [self.entries.len(), self.failed.len()]
     }
 
-    /// Medians over scenes of FLIP and of the absolute bias; `None` without scenes.
-    pub fn medians(&self) -> Option<[f64; 2]> {
+    /// Medians over scenes of FLIP, of the noise's FLIP, and of the absolute bias; `None` without scenes.
+    pub fn medians(&self) -> Option<[f64; 3]> {
         let median = |of: &dyn Fn(&Entry) -> f64| {
             let mut sorted: Vec<f64> = self.entries.iter().map(of).collect();
             sorted.sort_by(f64::total_cmp);
             let middle = sorted.len() / 2;
             if sorted.len() % 2 == 1 { sorted[middle] } else { 0.5 * (sorted[middle - 1] + sorted[middle]) }
         };
-        (!self.entries.is_empty()).then(|| [median(&|entry| entry.flip), median(&|entry| entry.bias.abs())])
+        (!self.entries.is_empty()).then(|| {
+            [median(&|entry| entry.flip), median(&|entry| entry.flip_of_noise), median(&|entry| entry.bias.abs())]
+        })
     }
 
     /// Writes the page; `about` says how the pictures were made.
@@ -155,10 +164,11 @@ impl Sheet {
              <body>\n<h1>{title}</h1>\n<p>{}</p>\n",
             escape(about)
         );
-        if let Some([flip, bias]) = self.medians() {
+        if let Some([flip, noise, bias]) = self.medians() {
             let _ = writeln!(
                 page,
-                "<p>Median of {} scenes: FLIP <b>{flip:.4}</b>, absolute bias of surfaces <b>{:.2} %</b>.</p>",
+                "<p>Median of {} scenes: FLIP <b>{flip:.4}</b>, {noise:.4} of noise, absolute bias of surfaces \
+                 <b>{:.2} %</b>. An exact picture would have the noise's FLIP.</p>",
                 self.entries.len(),
                 100.0 * bias
             );
@@ -169,13 +179,14 @@ impl Sheet {
         if !lines.is_empty() {
             let _ = writeln!(page, "<div class=\"warn\">Not drawn:<ul>{lines}</ul></div>");
         }
-        page.push_str("<table>\n<tr><th>scene</th><th>FLIP</th><th>of surfaces</th><th>bias of surfaces</th></tr>\n");
+        page.push_str(
+            "<table>\n<tr><th>scene</th><th>FLIP</th><th>of surfaces</th><th>of noise</th><th>bias of surfaces</th></tr>\n");
         for (index, entry) in self.entries.iter().enumerate() {
-            let Entry { scene, flip, flip_of_surfaces, bias, .. } = entry;
+            let Entry { scene, flip, flip_of_surfaces, flip_of_noise, bias, .. } = entry;
             let _ = writeln!(
                 page,
                 "<tr><td><a href=\"#scene-{index}\">{}</a></td><td>{flip:.4}</td><td>{flip_of_surfaces:.4}</td>\
-                 <td>{:+.2} %</td></tr>",
+                 <td>{flip_of_noise:.4}</td><td>{:+.2} %</td></tr>",
                 escape(scene),
                 100.0 * bias
             );

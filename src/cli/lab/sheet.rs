@@ -1,7 +1,7 @@
 //! `lightskin lab sheet`: compares every scene of a folder with the path tracer. Each picture is rendered by the
 //! command `render` in a process of its own, so that a crash on one file affects only its own line.
 
-use crate::cli::{progress_bar, render};
+use crate::cli::{progress_bar, render, wrong_usage};
 use anyhow::{Context, Result, anyhow, bail};
 use lightskin::files::{self, check_writable};
 use lightskin::image::read_picture;
@@ -20,7 +20,8 @@ pub(super) struct SheetArgs {
     /// Picture size [pixels].
     #[arg(long, value_name = "WxH", value_parser = render::size, default_value = "240x135")]
     size: [u32; 2],
-    /// Samples per pixel of the path tracer. They are stored; a later run with a larger N uses them again.
+    /// Samples per pixel of the path tracer, half of them with another seed, to tell noise from errors. They are
+    /// stored; a later run with a larger N uses them again.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     spp: u32,
     /// Flags of `render` for both pictures, like --sky probe.hdr or --bounces 4.
@@ -30,6 +31,9 @@ pub(super) struct SheetArgs {
 
 /// Draws all scenes. Fails if there is no scene, or if none could be drawn.
 pub(super) fn run(args: &SheetArgs) -> Result<()> {
+    if args.flags.iter().any(|flag| flag == "--seed" || flag.starts_with("--seed=")) {
+        wrong_usage("--seed: the two halves of the path tracer's samples have seeds of their own; leave it out");
+    }
     check_writable(&args.out)?;
     let mut scenes = Vec::new();
     find(&args.folder, &mut scenes)?;
@@ -50,7 +54,12 @@ pub(super) fn run(args: &SheetArgs) -> Result<()> {
         bar.set_position(1000 * index as u64 / scenes.len() as u64);
         let entry = pictures.compare(scene, &name, args);
         bar.suspend(|| match &entry {
-            Ok(entry) => say!("FLIP {:.4}, bias {:+7.2} %  {name}", entry.flip, 100.0 * entry.bias),
+            Ok(entry) => say!(
+                "FLIP {:.4}, noise {:.4}, bias {:+7.2} %  {name}",
+                entry.flip,
+                entry.flip_of_noise,
+                100.0 * entry.bias
+            ),
             Err(reason) => log::warn!("{name}: {reason}"),
         });
         sheet.add(&name, entry);
@@ -58,9 +67,9 @@ pub(super) fn run(args: &SheetArgs) -> Result<()> {
     }
     bar.finish_and_clear();
     let [drawn, failed] = sheet.counts();
-    let Some([flip, bias]) = sheet.medians() else { bail!("none of {failed} scenes could be drawn") };
+    let Some([flip, noise, bias]) = sheet.medians() else { bail!("none of {failed} scenes could be drawn") };
     say!("scenes    {drawn}, {failed} could not be drawn");
-    say!("median    FLIP {flip:.4}, absolute bias {:.2} %", 100.0 * bias);
+    say!("median    FLIP {flip:.4}, noise {noise:.4}, absolute bias {:.2} %", 100.0 * bias);
     say!("sheet     {}", args.out.display());
     Ok(())
 }
@@ -81,7 +90,7 @@ fn find(folder: &Path, scenes: &mut Vec<PathBuf>) -> Result<()> {
     Ok(())
 }
 
-/// A temporary folder for the two pictures of a scene. Dropping it deletes the folder.
+/// A temporary folder for the pictures of a scene. Dropping it deletes the folder.
 struct Pictures {
     folder: PathBuf,
 }
@@ -101,22 +110,21 @@ impl Pictures {
     }
 
     fn compare(&self, scene: &Path, name: &str, args: &SheetArgs) -> Result<Entry, String> {
-        let (drawn, traced) = (self.folder.join("drawn.exr"), self.folder.join("traced.exr"));
-        let spp = args.spp.to_string();
-        let (_, mut notes) = rendered(scene, &drawn, args, &[])?;
-        let (said, told) = rendered(scene, &traced, args, &["--gi", "path-trace", "--spp", &spp])?;
-        notes.extend(told.into_iter().filter(|line| !notes.contains(line)).collect::<Vec<_>>());
-        let noise = said.lines().filter_map(|line| line.strip_prefix("noise "));
-        notes.extend(noise.map(|noise| format!("Noise of the path tracer: {}.", noise.trim())));
+        let [drawn, half, other] = ["drawn", "half", "other"].map(|name| self.folder.join(name).with_extension("exr"));
+        let spp = args.spp.div_ceil(2).to_string();
+        let mut notes = rendered(scene, &drawn, args, &[])?;
+        for (seed, traced) in [("0", &half), ("1", &other)] {
+            let told = rendered(scene, traced, args, &["--gi", "path-trace", "--spp", &spp, "--seed", seed])?;
+            notes.extend(told.into_iter().filter(|line| !notes.contains(line)).collect::<Vec<_>>());
+        }
         let read = |path: &Path, layer| read_picture(path, layer).map_err(|error| error.to_string());
-        let covered: Vec<bool> = read(&traced, Some("Z"))?.rgb.iter().map(|z| z[0].is_finite()).collect();
-        Entry::new(name, &read(&drawn, None)?, &read(&traced, None)?, &covered, &notes)
+        let covered: Vec<bool> = read(&half, Some("Z"))?.rgb.iter().map(|z| z[0].is_finite()).collect();
+        Entry::new(name, &read(&drawn, None)?, &[read(&half, None)?, read(&other, None)?], &covered, &notes)
     }
 }
 
-/// Runs `render`. Returns its standard output, and the lines of its standard error. If it fails, the last of these
-/// lines is the error.
-fn rendered(scene: &Path, out: &Path, args: &SheetArgs, flags: &[&str]) -> Result<(String, Vec<String>), String> {
+/// Runs `render`. Returns the lines of its standard error. If it fails, the last of these is the error.
+fn rendered(scene: &Path, out: &Path, args: &SheetArgs, flags: &[&str]) -> Result<Vec<String>, String> {
     let program = std::env::current_exe().map_err(|error| format!("this program's own file: {error}"))?;
     let [w, h] = args.size;
     let run = Command::new(program)
@@ -135,5 +143,5 @@ fn rendered(scene: &Path, out: &Path, args: &SheetArgs, flags: &[&str]) -> Resul
     if !run.status.success() {
         return Err(lines.last().cloned().unwrap_or_else(|| run.status.to_string()));
     }
-    Ok((String::from_utf8_lossy(&run.stdout).into_owned(), lines))
+    Ok(lines)
 }
