@@ -3,9 +3,11 @@
 // METHOD 2. Twin: src/reference/area_light.rs.
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit_light.glsl"
+#include "lib/val_lobe.glsl"
 
 layout(local_size_x = 64) in;
 layout(constant_id = 4) const uint IRRADIANCE_WEIGHTS = 1; // else form-factor weights
+layout(constant_id = 5) const uint LOBES = 0; // 1: VALs send a share of their flux in a lobe
 layout(push_constant, scalar) uniform Push { AreaValsPush push; };
 layout(binding = 13, scalar) writeonly buffer Vals { Val vals[]; };
 layout(binding = 14, scalar) writeonly buffer Flags { uint flags[]; }; // 1 for VALs with light or weight
@@ -60,10 +62,15 @@ void main() {
         vec2 foot = abs(vec2(dot(to, light.right), dot(to, light.up)));
         bool is_below = all(lessThan(foot, vec2(dot(light.right, light.right), dot(light.up, light.up))));
         past *= is_below ? min(-dot(to, light.direction) / push.close, 1.0) : 1.0;
-        val.flux = s.diffuse * entering * past;
+        vec3 albedo = s.diffuse;
+        vec3 tint = vec3(0.0);
+        val.kind = LOBES != 0u ? floatBitsToUint(lobe_shape(s.lobes, val.normal, direction, albedo, tint)) : 0u;
+        val.flux = albedo * entering * past;
         float luminance = dot(val.flux, vec3(0.2126, 0.7152, 0.0722));
         val.weight = IRRADIANCE_WEIGHTS != 0u ? luminance : val.area;
-        val.material = floatBitsToUint(ray_triangle(3u * hit.triangle + 1u).w);
+        if (val.kind != 0u) {
+            val.weight = packed_flux(tint * entering * past);
+        }
     }
     vals[push.first + i] = val;
     flags[push.first + i] = val.weight != 0.0 || val.flux != vec3(0.0) ? 1u : 0u;

@@ -52,7 +52,7 @@ void main() {
     Sums s = Sums(o, o, o, o, o, o, o);
     for (uint i = thread; i < inner_count; i += DIPOLE_THREADS) {
         Val val = inner_vals[i];
-        if (val.material == own.filled) {
+        if (val.kind == own.filled) {
             vec3 d = val.position - here;
             float widest = widest_of(val.area);
             take(s, d, val.flux * diffuse_reflectance(f, vec3(dot(d, d)), vec3(widest)), widest);

@@ -6,11 +6,13 @@
 #include "shared.glsl"
 #include "lib/directions.glsl"
 #include "lib/form_factor.glsl"
+#include "lib/val_lobe.glsl"
 
 const uint MAPS = 8u; // as many as shared memory has room for
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint THREADS = 8u; // a multiple of MAPS
 layout(constant_id = 1) const uint VALS_AS_TEXELS = 0; // 1: VALs are read as texels
+layout(constant_id = 2) const uint LOBES = 0; // 1: VALs send a share of their flux in a lobe
 layout(push_constant, scalar) uniform Push { DirectionsPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
@@ -31,7 +33,7 @@ layout(binding = 10, scalar) readonly buffer Met { uint met[]; }; // caches at h
 layout(binding = 11, scalar) readonly buffer Parts { GatherSums parts[]; }; // light from all these caches comes first
 #endif
 #ifdef SHADOWED
-layout(constant_id = 2) const uint IMAGES_AS_TEXELS = 1;
+layout(constant_id = 3) const uint IMAGES_AS_TEXELS = 1;
 #define PLANES 1u
 #define IMAGE_BINDING 7
 #define IMAGE_WORDS_BINDING 8
@@ -40,7 +42,7 @@ layout(constant_id = 2) const uint IMAGES_AS_TEXELS = 1;
 
 // A VAL from its three words.
 Val val_from(vec4 place, vec4 facing, vec4 light) {
-    return Val(place.xyz, place.w, facing.xyz, 0u, light.rgb, light.w);
+    return Val(place.xyz, place.w, facing.xyz, floatBitsToUint(facing.w), light.rgb, light.w);
 }
 
 Val val_at(uint i) {
@@ -83,7 +85,14 @@ void take(inout Beam beam, Val val) {
     float g = clamp((d2 - push.near_begin) * push.near_scale, 0.0, 1.0) * max(cosine, 0.0) / max(max(val.area, PI * d2), 1e-37);
     float at_cache = dot(c.normal, d);
     g = at_cache > 0.0 ? g : 0.0;
-    beam.irradiance += g * val.flux;
+    vec3 flux = val.flux;
+    if (LOBES != 0u && val.kind != 0u) {
+        vec3 n = val.normal;
+        FourLobes lobe = unpacked_lobes(vec4(uintBitsToFloat(val.kind)), vec4(n.x), vec4(n.y), vec4(n.z));
+        float sent = sent_towards(lobe, vec4(-dot(n, d)), vec4(d.x), vec4(d.y), vec4(d.z), vec4(d2)).x;
+        flux += sent * unpacked_flux(val.weight);
+    }
+    beam.irradiance += g * flux;
     beam.d = g * at_cache > beam.most ? d : beam.d;
     beam.most = max(beam.most, g * at_cache);
 }

@@ -18,9 +18,10 @@ layout(constant_id = 2) const uint CACHES = 4; // per thread
 layout(constant_id = 3) const uint SPREAD = 0; // 1: stage 7 needs the distances of glossy VALs
 layout(constant_id = 4) const uint BY_HAND = 0; // 1: the device is a CPU
 layout(constant_id = 5) const uint NEAR = 0; // 1: nearby VALs are left to short rays
+layout(constant_id = 6) const uint LOBES = 0; // 1: VALs send a share of their flux in a lobe
 #ifdef SHADOWED
-layout(constant_id = 6) const uint TOGETHER = 1; // VALs per visibility test: 1 or all of a round
-layout(constant_id = 7) const uint IMAGES_AS_TEXELS = 1;
+layout(constant_id = 7) const uint TOGETHER = 1; // VALs per visibility test: 1 or all of a round
+layout(constant_id = 8) const uint IMAGES_AS_TEXELS = 1;
 #endif
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
@@ -42,6 +43,7 @@ layout(binding = 10, scalar) coherent buffer SecondParts { GlossySums second_par
 #endif
 
 #include "lib/gather.glsl"
+#include "lib/val_lobe.glsl"
 #ifdef SHADOWED
 #define PLANES NEAR // rays trace the images exactly where they also find nearby light
 #define IMAGE_BINDING 9
@@ -96,6 +98,15 @@ vec3 most_lit(Receiver c, FourVals v) {
 
 // Adds VALs to one cache after another, so that its sums stay in registers.
 void add(FourVals v) {
+    FourLobes lobes;
+    vec3 lobe_flux[AT_ONCE];
+    if (LOBES != 0u) {
+        lobes = unpacked_lobes(v.lobe, v.normal_x, v.normal_y, v.normal_z);
+        [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
+            lobe_flux[i] = v.lobe[i] != 0.0 ? unpacked_flux(v.weight[i]) : vec3(0.0);
+        }
+    }
+    FourVals all = v; // what they send to a cache
     [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
         vec4 seen = vec4(1.0);
 #ifdef SHADOWED
@@ -108,19 +119,30 @@ void add(FourVals v) {
         }
 #endif
         vec4 far = vec4(1.0);
-        if (NEAR != 0u) {
+        if (NEAR != 0u || LOBES != 0u) {
             vec4 x = v.x - receivers[j].position.x;
             vec4 y = v.y - receivers[j].position.y;
             vec4 z = v.z - receivers[j].position.z;
-            far = clamp((x * x + y * y + z * z - push.near_begin) * push.near_scale, 0.0, 1.0);
+            vec4 d2 = x * x + y * y + z * z;
+            if (NEAR != 0u) {
+                far = clamp((d2 - push.near_begin) * push.near_scale, 0.0, 1.0);
+            }
+            if (LOBES != 0u) {
+                vec4 facing = -(v.normal_x * x + v.normal_y * y + v.normal_z * z);
+                vec4 sent = sent_towards(lobes, facing, x, y, z, d2);
+                [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
+                    all.flux[i] = v.flux[i] + sent[i] * lobe_flux[i];
+                    all.weight[i] = dot(all.flux[i], vec3(0.2126, 0.7152, 0.0722));
+                }
+            }
         }
         GatherSums s = sums[j];
 #ifdef TWO_EYES
         GlossySums second = second_sums[j];
-        accumulate(s, second, receivers[j], v, seen, far);
+        accumulate(s, second, receivers[j], all, seen, far);
         second_sums[j] = second;
 #else
-        accumulate(s, receivers[j], v, seen, far);
+        accumulate(s, receivers[j], all, seen, far);
 #endif
         sums[j] = s;
     }

@@ -119,7 +119,7 @@ vec3 met_radiance(Hit hit, vec3 start, vec3 direction, float spread, uint number
     vec3 chance = fract(0.5 + float(number) * vec3(0.8191725134, 0.6710436067, 0.5497004779));
     vec3 sum = s.emission;
     if (push.reflects != 0u) {
-        sum += reflected_direct(s, push.light_count, push.first_sky_light, push.sky_light_count, push.root, chance);
+        sum += reflected_direct(s, direction, push.light_count, push.first_sky_light, push.sky_light_count, push.root, chance);
     }
 #if defined(LIT) || defined(SKY)
     sum += cache_radiance(hit, s, direction);

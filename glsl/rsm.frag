@@ -3,10 +3,12 @@
 // variant rsm_inside.frag: INSIDE (where bodies are filled: also the light that enters them. METHOD 7)
 #include "shared.glsl"
 #include "lib/surface.glsl"
+#include "lib/val_lobe.glsl"
 #ifdef INSIDE
 #include "lib/dipole.glsl"
 #endif
 
+layout(constant_id = 1) const uint LOBES = 0; // 1: VALs send a share of their flux in a lobe
 layout(push_constant, scalar) uniform Push { DrawPush push; };
 
 layout(location = 0) in vec3 position;
@@ -15,8 +17,8 @@ layout(location = 3) in vec4 uv;
 layout(location = 4) in vec4 color;
 
 layout(location = 0) out vec4 out_position; // w = 1: the texel hit a surface
-layout(location = 1) out vec4 out_normal; // w = material
-layout(location = 2) out vec4 out_albedo;
+layout(location = 1) out vec4 out_normal; // w: shape of the lobe
+layout(location = 2) out vec4 out_albedo; // w: tint of the lobe
 #ifdef INSIDE
 layout(binding = 15, scalar) readonly buffer Parts { uint parts[]; }; // filled part of each draw, or HOLLOW
 layout(binding = 16, scalar) readonly buffer FilledParts { Filled filled[]; };
@@ -53,8 +55,12 @@ void main() {
     // A sliver between pixel centres may come without a finite position; one such VAL would blacken every cache.
     bool is_finite = all(lessThan(abs(position), vec3(1e30))); // false for NaN
     out_position = is_finite ? vec4(position, 1.0) : vec4(0.0);
-    out_normal = vec4(facing, float(push.material));
-    out_albedo = vec4(sent_on(reflectance(push.material, base.rgb, here, MEAN_COSINE)), 0.0);
+    Reflectance sent = reflectance(push.material, base.rgb, here, MEAN_COSINE);
+    vec3 albedo = sent_on(sent);
+    vec3 tint = vec3(0.0);
+    float lobe = LOBES != 0u ? lobe_shape(sent, facing, looking, albedo, tint) : 0.0;
+    out_normal = vec4(facing, lobe);
+    out_albedo = vec4(albedo, packed_tint(tint));
 #ifdef INSIDE
     out_inside = vec4(0.0);
     uint part = parts[push.draw - 1u];

@@ -32,7 +32,7 @@ void main() {
     uint end = min(inner_count, push.first + INNER_RUN);
     for (uint i = push.first; i < end; ++i) {
         Val val = inner_vals[i];
-        if (val.material == part) {
+        if (val.kind == part) {
             vec3 d = val.position - position;
             irradiance += val.flux * diffuse_reflectance(f, vec3(dot(d, d)), vec3(widest_of(val.area)));
         }

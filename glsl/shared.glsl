@@ -203,9 +203,9 @@ struct Val {
     vec3 position;
     float area; // [m^2], eq. 5.10
     vec3 normal; // unit, on the lit side
-    uint material;
+    uint kind; // of light inside bodies: the filled part; else the shape of a lobe, lib/val_lobe.glsl, or 0
     vec3 flux; // reflected flux [lm]
-    float weight; // weight in the proxy's mean position, before the geometry factor; 0 for a texel that hit nothing
+    float weight; // with a lobe: its packed flux; else the weight in the proxy's mean position before the geometry factor
 };
 
 // One node for the VALs of a square block of texels. Nodes are stored depth first, view after view. After a node that

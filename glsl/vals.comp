@@ -3,6 +3,7 @@
 #include "shared.glsl"
 #include "lib/area_light.glsl"
 #include "lib/light.glsl"
+#include "lib/val_lobe.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 0) const uint IRRADIANCE_WEIGHTS = 1; // else form-factor weights
@@ -43,7 +44,7 @@ void main() {
     LightView view = views[push.view];
     vec4 hit = texelFetch(position_image, ivec2(texel), 0);
     vec4 normal = texelFetch(normal_image, ivec2(texel), 0);
-    vec3 albedo = texelFetch(albedo_image, ivec2(texel), 0).rgb;
+    vec4 albedo = texelFetch(albedo_image, ivec2(texel), 0);
 
     float n = float(push.size);
     vec2 low = vec2(float(texel.x), n - 1.0 - float(texel.y)) * (2.0 / n) - 1.0;
@@ -80,7 +81,7 @@ void main() {
             entering *= min((1.0 - polygon_form_factor(part, normal.xyz)) / UNDER, 1.0);
         }
     }
-    vec3 flux = hit.w > 0.0 && push.reflects != 0u ? albedo * entering : vec3(0.0);
+    vec3 flux = hit.w > 0.0 && push.reflects != 0u ? albedo.rgb * entering : vec3(0.0);
     // Outside the cone or the range there is no light, hence no VAL. A lit black surface is one.
     bool has_light = hit.w > 0.0 && entering != vec3(0.0) && push.reflects != 0u;
 
@@ -88,18 +89,22 @@ void main() {
     val.position = hit.w > 0.0 ? hit.xyz : view.position + through(view, low);
     val.area = hit.w > 0.0 ? area : 1.0;
     val.normal = hit.w > 0.0 ? normal.xyz : vec3(0.0);
-    val.material = uint(normal.w);
+    val.kind = floatBitsToUint(normal.w);
     val.flux = flux;
     float luminance = dot(flux, vec3(0.2126, 0.7152, 0.0722));
     val.weight = has_light ? (IRRADIANCE_WEIGHTS != 0u ? luminance : val.area) : 0.0;
     uint at = push.first + texel.y * push.size + texel.x;
-    vals[at] = val;
     flags[at] = val.weight != 0.0 || flux != vec3(0.0) ? 1u : 0u;
+    if (val.kind != 0u) {
+        val.weight = packed_flux(has_light ? unpacked_tint(albedo.a) * entering : vec3(0.0));
+        flags[at] = has_light ? 1u : 0u;
+    }
+    vals[at] = val;
 #ifdef INSIDE
     vec4 inside = texelFetch(inside_image, ivec2(texel), 0);
     val.flux = hit.w > 0.0 && inside.y > 0.0 ? entering * inside.x : vec3(0.0);
     val.area /= max(inside.z, LEAST_TILT);
-    val.material = uint(max(inside.y, 1.0)) - 1u;
+    val.kind = uint(max(inside.y, 1.0)) - 1u;
     val.weight = 0.0;
     inner_vals[at] = val;
     inner_flags[at] = val.flux != vec3(0.0) ? 1u : 0u;

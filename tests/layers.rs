@@ -115,7 +115,7 @@ pub(crate) fn glazed() -> Scene {
 fn glass_has_the_light_of_paths() {
     let scene = glazed();
     let size = [120, 90];
-    let settings = PathTraceSettings::engine(size, 1);
+    let settings = PathTraceSettings { glossy_bounces: true, ..PathTraceSettings::engine(size, 1) };
     let mut paths = PathTrace::new(&scene, &scene.cameras[0], &settings);
     (0..10).for_each(|_| paths.pass());
     let knobs = Knobs {

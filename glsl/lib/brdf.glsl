@@ -9,6 +9,9 @@
 // Lower bound of roughness: keeps the highlight of a light without size finite.
 const float LEAST_ROUGHNESS = 0.045;
 
+// Least roughness of surfaces that send light on to caches or rays: few virtual lights or rays meet a narrower lobe.
+const float LEAST_LOBE = 0.35;
+
 // Lower bound of the cosine with the viewer: a normal from a normal map may even face away.
 const float LEAST_COSINE = 0.01;
 

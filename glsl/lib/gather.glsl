@@ -50,10 +50,11 @@ struct FourVals {
     vec4 normal_y;
     vec4 normal_z;
     vec4 weight;
+    vec4 lobe; // packed
     vec3 flux[AT_ONCE];
 };
 
-// Inserts a VAL from three texels: (position, area), (normal, -), (flux, weight).
+// Inserts a VAL from three texels: (position, area), (normal, lobe), (flux, weight).
 void put(inout FourVals v, uint i, vec4 place, vec4 facing, vec4 light) {
     v.x[i] = place.x;
     v.y[i] = place.y;
@@ -63,6 +64,7 @@ void put(inout FourVals v, uint i, vec4 place, vec4 facing, vec4 light) {
     v.normal_y[i] = facing.y;
     v.normal_z[i] = facing.z;
     v.weight[i] = light.w;
+    v.lobe[i] = facing.w;
     v.flux[i] = light.rgb;
 }
 
@@ -84,7 +86,8 @@ vec4 form_factors(Receiver c, FourVals v, vec4 x, vec4 y, vec4 z, vec4 d2) {
     return at_val * at_cache / q;
 }
 
-// Adds four VALs. The lobe is computed first, so that the sums fill its latency. `seen`: 1, or 0 if occluded. `far`: 1, or less if the diffuse lobe leaves a VAL to short rays.
+// Adds four VALs. The lobe is computed first, so that the sums fill its latency. `seen`: 0 if occluded, else 1, or what a
+// lobe of the VAL sends there relative to diffuse light. `far`: 1, or less if the diffuse lobe leaves a VAL to short rays.
 void accumulate(inout GatherSums s,
 #ifdef TWO_EYES
                 inout GlossySums second,

@@ -98,6 +98,7 @@ struct HitSurface {
     vec3 position;
     vec3 geometric; // unit normal of the triangle, on the ray's side
     vec3 normal; // unit vertex normal, on the same side
+    Reflectance lobes; // for a mean viewer
     vec3 diffuse; // albedo of both lobes together, as if diffuse
     vec3 emission; // zero for area lights [cd/m^2]
 };
@@ -191,6 +192,7 @@ HitSurface surface_at(Hit hit, vec3 origin, vec3 direction, float spread) {
         }
         r = metallic_roughness(base, metallic, roughness, m.ior, specular, specular_color, MEAN_COSINE);
     }
+    s.lobes = r;
     s.diffuse = sent_on(r);
     s.emission = vec3(0.0);
     if (front && (what & RAY_AREA_LIGHT) == 0u && m.emissive != vec3(0.0)) {

@@ -1,4 +1,4 @@
-// Diffusely reflected direct light where a ray hits a surface. One light is chosen with a probability in proportion to
+// Direct light that a surface reflects where a ray hits it. One light is chosen with a probability in proportion to
 // its unoccluded irradiance, and one ray tests its visibility. The mean over many rays is the sum over all lights. Uses
 // binding 12. Twin: src/reference/near.rs.
 #ifndef HIT_LIGHT_GLSL
@@ -10,10 +10,10 @@
 
 layout(binding = 12, scalar) readonly buffer HitLights { Light hit_lights[]; };
 
-// Random point of a polygon, uniform over its area; `chance`: two numbers in [0, 1).
-vec3 point_of(SeenPart part, vec2 chance) {
+// Random point of a polygon, uniform over its area; `chance`: two numbers in [0, 1). `whole`: twice the polygon's area.
+vec3 point_of(SeenPart part, vec2 chance, out float whole) {
     vec3 a = part.corners[0];
-    float whole = 0.0;
+    whole = 0.0;
     for (int i = 2; i < part.count; ++i) {
         whole += length(cross(part.corners[i - 1] - a, part.corners[i] - a));
     }
@@ -30,6 +30,9 @@ vec3 point_of(SeenPart part, vec2 chance) {
     float root = sqrt(area > 0.0 ? min(pick / area, 1.0) : 0.0);
     return mix(a, mix(part.corners[i - 1], part.corners[i], chance.y), root);
 }
+
+// Most light of a point of an area light, relative to the mean of its points: very near to a light few points give most.
+const float MOST_OF_POINT = 8.0;
 
 // Irradiance [lx] from a light at a surface, without occlusion.
 vec3 light_irradiance(Light light, HitSurface s) {
@@ -54,9 +57,23 @@ vec3 light_irradiance(Light light, HitSurface s) {
     return dot(s.geometric, towards) > 0.0 ? irradiance * max(dot(s.normal, towards), 0.0) : vec3(0.0);
 }
 
-// Radiance [cd/m^2] that a surface reflects diffusely from all lights except `left_out` consecutive ones. `chance`:
-// three numbers in [0, 1) that select a light and a point on it.
-vec3 reflected_direct(HitSurface s, uint light_count, uint first_left_out, uint left_out, uint root, vec3 chance) {
+// BRDF [1/sr] of a surface for a ray along the unit vector `looking` and light from `towards`. Narrow lobes are widened,
+// because few rays meet them. `share`: factor for the glossy lobe.
+vec3 brdf_at(HitSurface s, vec3 looking, vec3 towards, float share) {
+    vec3 diffuse, glossy;
+    reflected_from(s.lobes, -dot(s.normal, looking), diffuse, glossy);
+    float coded = s.lobes.coded;
+    float a2 = LEAST_LOBE * LEAST_LOBE * LEAST_LOBE * LEAST_LOBE;
+    vec3 lobe = coded < 0.0
+        ? ggx_lobe(s.lobes.glossy, coded_f90(coded), max(coded_roughness(coded), LEAST_LOBE), s.normal, looking, towards)
+        : s.lobes.glossy * phong_lobe(min(coded, 0.5 / a2 - 0.5), dot(reflect(looking, s.normal), towards));
+    return diffuse / PI + share * lobe;
+}
+
+// Radiance [cd/m^2] that a surface reflects along a ray from all lights except `left_out` consecutive ones; `looking`: the
+// ray's unit direction. `chance`: three numbers in [0, 1) that select a light and a point on it.
+vec3 reflected_direct(HitSurface s, vec3 looking, uint light_count, uint first_left_out, uint left_out, uint root,
+                      vec3 chance) {
     const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
     float total = 0.0;
     float own = 0.0;
@@ -91,21 +108,27 @@ vec3 reflected_direct(HitSurface s, uint light_count, uint first_left_out, uint 
     vec3 way = -light.direction;
     float far = 3e38;
     uint passed = 0u;
+    float share = 1.0;
     if (light.kind == LIGHT_AREA) {
         // A point above the horizon: all irradiance comes from there.
         SeenPart part = above_horizon(light.position - s.position, light.right, light.up, s.normal);
-        way = s.position + point_of(part, chance.yz) - start;
+        float whole;
+        way = s.position + point_of(part, chance.yz, whole) - start;
         far = 0.9999;
         passed = RAY_AREA_LIGHT;
         if (dot(way, s.geometric) <= 0.0 || dot(way, light.direction) >= 0.0) {
             return vec3(0.0);
         }
+        // The irradiance is that of the whole rectangle. The lobe sees the point, which gives more of it or less.
+        float d2 = dot(way, way);
+        float of_point = max(dot(way, s.normal), 0.0) * -dot(way, light.direction) / (d2 * d2);
+        share = min(0.5 * whole * of_point / max(PI * polygon_form_factor(part, s.normal), 1e-6), MOST_OF_POINT);
     } else if (light.kind != LIGHT_DIRECTIONAL) {
         way = light.position - start;
         far = 0.99999;
     }
     Hit blocker = trace(start, way, lift * inversesqrt(max(dot(way, way), 1e-30)), far, root, passed, true);
-    return blocker.triangle == NO_HIT ? s.diffuse / PI * given * (total / own) : vec3(0.0);
+    return blocker.triangle == NO_HIT ? brdf_at(s, looking, normalize(way), share) * given * (total / own) : vec3(0.0);
 }
 
 #endif

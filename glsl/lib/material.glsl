@@ -43,4 +43,19 @@ vec3 sent_on(Reflectance r) {
     return max(r.diffuse, min(r.diffuse + glossy, vec3(1.0)));
 }
 
+// The two shares of light from a direction at this cosine that a surface reflects: diffusely, and in its lobe. Its diffuse
+// lobe must be the one at MEAN_COSINE; the more the lobe reflects, the less is left for it.
+void reflected_from(Reflectance r, float cosine, out vec3 diffuse, out vec3 glossy) {
+    cosine = clamp(cosine, LEAST_COSINE, 1.0);
+    glossy = lobe_albedo(r.glossy, r.coded, cosine, cosine);
+    diffuse = r.diffuse;
+    if (r.coded < 0.0) {
+        vec3 mean = lobe_albedo(r.glossy, r.coded, MEAN_COSINE, MEAN_COSINE);
+        float most = max(glossy.x, max(glossy.y, glossy.z));
+        float most_of_mean = max(mean.x, max(mean.y, mean.z));
+        diffuse *= clamp((1.0 - most) / max(1.0 - most_of_mean, 1e-3), 0.0, 1.5);
+    }
+    glossy = min(glossy, max(1.0 - diffuse, 0.0));
+}
+
 #endif

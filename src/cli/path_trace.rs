@@ -45,7 +45,7 @@ pub(super) struct PathTraceArgs {
 /// A method whose light paths are traced.
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum Match {
-    /// The light paths of --gi lightskin: its number of bounces, and only the last bounce glossy.
+    /// The light paths of --gi lightskin --near off: its number of bounces, and only the last bounce glossy.
     Engine,
 }
 

@@ -70,7 +70,8 @@ impl Bounces {
         let images_as_texels = are_texels(gpu, caches, near);
         let sum = |glossy| {
             let (together, proxies, two_eyes) = (1, false, false);
-            let kind = SumKind { glossy, shadows, together, proxies, two_eyes, near, images_as_texels };
+            let lobes = false; // caches send diffusely
+            let kind = SumKind { glossy, shadows, together, proxies, two_eyes, near, lobes, images_as_texels };
             sum_pipeline(gpu, ways, kind)
         };
         let padded = caches.next_multiple_of(VAL_TILE).max(VAL_TILE) as usize;

@@ -27,8 +27,8 @@ pub(super) struct Directions {
 }
 
 impl Directions {
-    /// Creates the pass for this many caches and VALs, for a gather with or without shadows of every VAL, and with or
-    /// without further bounces. VALs nearer than `near` \[m\] are left to rays. `together` consecutive VALs have one
+    /// Creates the pass for this many caches and VALs, for a gather with or without shadows of every VAL, further
+    /// bounces, and lobes of VALs. VALs nearer than `near` \[m\] are left to rays. `together` consecutive VALs have one
     /// direction.
     ///
     /// # Errors
@@ -36,14 +36,14 @@ impl Directions {
     pub(super) fn new(
         gpu: &Device,
         [caches, vals]: [u32; 2],
-        [shadowed, bounces]: [bool; 2],
+        [shadowed, bounces, lobes]: [bool; 3],
         near: f32,
         together: u32,
     ) -> Result<Self> {
         let bytes = u64::from(caches.max(1)) * u64::from(4 * DIRECTIONS);
         let vals_bytes = u64::from(vals.max(caches).next_multiple_of(VAL_TILE)) * size_of::<Val>() as u64;
         let [vals, images] = [gpu.reads_texels(vals_bytes), are_texels(gpu, caches, true)].map(u32::from);
-        let constants = [if gpu.is_software() { 8 } else { THREADS }, vals, images];
+        let constants = [if gpu.is_software() { 8 } else { THREADS }, vals, u32::from(lobes), images];
         let name = match (shadowed, bounces) {
             (false, false) => "directions.comp",
             (true, false) => "directions_shadowed.comp",
@@ -52,7 +52,7 @@ impl Directions {
         };
         Ok(Self {
             radiances: gpu.buffer("directions.radiances", bytes)?,
-            pipeline: gpu.compute(name, &constants[..2 + usize::from(shadowed)])?,
+            pipeline: gpu.compute(name, &constants[..3 + usize::from(shadowed)])?,
             fade: [0.8, 1.2].map(|share| (share * near).powi(2)),
             together,
         })

@@ -65,7 +65,8 @@ impl Gather {
                 let is_near = plan.near != Near::Off;
                 let near = if is_near { (CACHE_REACH * world.spacing()) as f32 } else { 0.0 };
                 let sky = plan.sends_sky;
-                let kind = ComputeKind { glossy, shadows, together, bounces, emitted, sky, weight, eyes, near };
+                let lobes = plan.sends_lobes;
+                let kind = ComputeKind { glossy, lobes, shadows, together, bounces, emitted, sky, weight, eyes, near };
                 Self::Compute(Box::new(match (shadows, is_near) {
                     (Shadows::PerLight, true) => {
                         let images = DepthImages::traced(gpu, world, bounces > 0)?;
@@ -181,7 +182,7 @@ impl Compute {
         let split = split_of(caches, vals, ways.split, LONGEST_PART);
         let per_workgroup = GATHER_THREADS * ways.caches();
         let live = Live::new(gpu, Items { caches, group: 1, per_workgroup, lights: vals, split })?;
-        let ComputeKind { glossy, shadows, together, bounces, eyes, near, .. } = kind;
+        let ComputeKind { glossy, shadows, together, bounces, eyes, near, lobes, .. } = kind;
         let is_near = near > 0.0;
         // Shaders expect planes wherever short rays find nearby light.
         assert!(depth_images.as_ref().is_none_or(|images| images.are_traced() == is_near), "images of another kind");
@@ -192,11 +193,15 @@ impl Compute {
         let images_as_texels = are_texels(gpu, caches, is_near);
         let sum = |proxies, two_eyes| {
             let near = is_near;
-            sum_pipeline(gpu, ways, SumKind { glossy, shadows, together, proxies, two_eyes, near, images_as_texels })
+            sum_pipeline(
+                gpu,
+                ways,
+                SumKind { glossy, shadows, together, proxies, two_eyes, near, lobes, images_as_texels },
+            )
         };
         let to_rays = || {
             let (shadowed, further) = (shadows == Shadows::PerLight, bounces.is_some());
-            Directions::new(gpu, [caches, vals], [shadowed, further], near, together)
+            Directions::new(gpu, [caches, vals], [shadowed, further, lobes], near, together)
         };
         let two_eyes = || -> Result<TwoEyes> {
             let bytes = u64::from(caches.max(1)) * u64::from(parts) * size_of::<GlossySums>() as u64;

@@ -1,7 +1,7 @@
 //! Selects the stages that a scene's features need, and holds the one table of stages. A feature that the scene lacks
 //! costs no pass, no target and no shader branch.
 
-use super::settings::{Antialiasing, Caches, Gather, Indirect, LightShadows, Near, Settings, Shadows};
+use super::settings::{Antialiasing, Caches, Gather, Indirect, LightShadows, Near, ProxyWeight, Settings, Shadows};
 use crate::scene::animation::Quantity;
 use crate::scene::{Material, Scene};
 
@@ -108,6 +108,8 @@ pub struct Plan {
     pub glossy: bool,
     /// Caches have proxies for the glossy lobe. With short rays they have none.
     pub lobes: bool,
+    /// VALs send a share of their flux in the lobe in which their surface reflects. Without short rays all is diffuse.
+    pub sends_lobes: bool,
 }
 
 /// A stage: its number in METHOD, its name, and the condition under which a frame has it.
@@ -170,6 +172,7 @@ impl Plan {
         let gather = caches.map(|caches| caches.gather);
         let shadows = gather.map_or(Shadows::Off, |gather| gather.shadows());
         let near = gather.filter(|_| scene.rays).map_or(Near::Off, |gather| gather.near());
+        let by_irradiance = caches.is_some_and(|caches| caches.proxy_weight == ProxyWeight::Irradiance);
         let brute_force = light && settings.indirect == Indirect::BruteForce;
         let bounce = gather.is_some_and(|gather| gather.bounces() > 0);
         let inside = scene.filled && (brute_force || bounce);
@@ -207,6 +210,7 @@ impl Plan {
             inside,
             glossy: scene.glossy,
             lobes: scene.glossy && near == Near::Off,
+            sends_lobes: scene.glossy && near != Near::Off && by_irradiance,
         }
     }
 

@@ -73,11 +73,12 @@ impl Rsm {
         let count = count.max(1);
         let inside = plan.inside.then(|| Inside::new(gpu, n, count)).transpose()?;
         let by_irradiance = u32::from(weight == ProxyWeight::Irradiance);
+        let lobes = u32::from(plan.sends_lobes);
         let has_areas = lights.iter().any(|light| light.is_area);
         let rays = world.rays().filter(|_| plan.rays() && has_areas && !grids && inside.is_none());
         let trace = rays.map(|rays| {
             let [stack, levels, texels, holes] = rays.constants(gpu);
-            gpu.compute("area_vals.comp", &[stack, levels, texels, holes, by_irradiance])
+            gpu.compute("area_vals.comp", &[stack, levels, texels, holes, by_irradiance, lobes])
         });
         let float = Format::R32G32B32A32_SFLOAT;
         Ok(Self {
@@ -96,7 +97,7 @@ impl Rsm {
                     blend: Blend::Replace,
                     depth: Depth::Nearest,
                     cull: Cull::None,
-                    constants: &[kind],
+                    constants: &[kind, lobes],
                 })
             })?,
             to_vals: gpu.compute(if plan.inside { "vals_inside.comp" } else { "vals.comp" }, &[by_irradiance])?,

@@ -28,13 +28,26 @@ pub struct ComputeKind {
     pub eyes: u32,
     /// Distance below which light is left to short rays \[m\]; 0: none.
     pub near: f32,
+    /// VALs send a share of their flux in a lobe; only with short rays.
+    pub lobes: bool,
 }
 
 impl ComputeKind {
     /// A single gather without shadows.
     pub fn plain(glossy: bool) -> Self {
         let (shadows, weight) = (Shadows::Off, ProxyWeight::Irradiance);
-        Self { glossy, shadows, together: 1, bounces: 0, emitted: 0, sky: false, weight, eyes: 1, near: 0.0 }
+        Self {
+            glossy,
+            shadows,
+            together: 1,
+            bounces: 0,
+            emitted: 0,
+            sky: false,
+            weight,
+            eyes: 1,
+            near: 0.0,
+            lobes: false,
+        }
     }
 }
 
@@ -52,6 +65,8 @@ pub(super) struct SumKind {
     pub(super) two_eyes: bool,
     /// Leaves light from nearby surfaces to short rays.
     pub(super) near: bool,
+    /// VALs send a share of their flux in a lobe.
+    pub(super) lobes: bool,
     /// With shadows of every VAL: reads the depth images as texels.
     pub(super) images_as_texels: bool,
 }
@@ -62,15 +77,17 @@ pub(super) fn sum_pipeline(gpu: &Device, ways: &Ways, kind: SumKind) -> Result<P
     let by_hand = u32::from(gpu.is_software());
     let (glossy, near) = (u32::from(kind.glossy), u32::from(kind.near));
     let images_as_texels = u32::from(kind.images_as_texels);
-    let constants = [glossy, ways.source as u32, ways.caches(), spread, by_hand, near, kind.together, images_as_texels];
+    let lobes = u32::from(kind.lobes);
+    let constants =
+        [glossy, ways.source as u32, ways.caches(), spread, by_hand, near, lobes, kind.together, images_as_texels];
     let shadowed = kind.shadows == Shadows::PerLight;
     if kind.two_eyes {
-        let (name, used) = if shadowed { ("gather_shadowed_eyes.comp", 8) } else { ("gather_eyes.comp", 6) };
+        let (name, used) = if shadowed { ("gather_shadowed_eyes.comp", 9) } else { ("gather_eyes.comp", 7) };
         return gpu.compute(name, &constants[..used]);
     }
     match (shadowed, kind.proxies) {
-        (false, false) => gpu.compute("gather_sums.comp", &constants[..6]),
-        (false, true) => gpu.compute("gather.comp", &constants[..6]),
+        (false, false) => gpu.compute("gather_sums.comp", &constants[..7]),
+        (false, true) => gpu.compute("gather.comp", &constants[..7]),
         (true, false) => gpu.compute("gather_shadowed_sums.comp", &constants),
         (true, true) => gpu.compute("gather_shadowed.comp", &constants),
     }

@@ -184,7 +184,7 @@ pub fn world(caches: u32, vals: u32) -> (Vec<Cache>, Vec<Val>) {
         position,
         area: 0.01,
         normal: normal(position, -1.0),
-        material: 0,
+        kind: 0,
         flux: Vec3::new(3.0, 2.0, 1.0) * (1.0 + 0.1 * position.x),
         weight: 2.0 + 0.2 * position.x,
     };

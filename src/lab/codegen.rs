@@ -38,10 +38,11 @@ pub fn lines(codegen: &Codegen, only: &str) -> Result<Vec<Line>> {
     shapes.extend(shapes.clone().iter().filter(|(_, caches)| *caches == 4).map(|(source, _)| (*source, 8)));
     let gathers = [("gather.comp", ""), ("gather_shadowed.comp", ", shadows")];
     for (shader, shadows) in gathers.into_iter().filter(|(shader, _)| shader.starts_with(only)) {
-        for (glossy, lobes) in [(0, "one lobe"), (1, "two lobes")] {
+        let kinds = [(0, 0, "one lobe"), (1, 0, "two lobes"), (0, 1, "short rays, lobes of VALs")];
+        for (glossy, near, lobes) in &kinds[..if shadows.is_empty() { 2 } else { 3 }] {
             for (source, caches) in &shapes {
-                let constants = [glossy, *source as u32, *caches, 0, 0, 0, 4, 1];
-                let used = if shadows.is_empty() { 6 } else { 8 };
+                let constants = [*glossy, *source as u32, *caches, 0, 0, *near, *near, 4, 1];
+                let used = if shadows.is_empty() { 7 } else { 9 };
                 let compiled = codegen.compute(shader, &constants[..used])?;
                 let kind = format!("{lobes}, {}, {caches} caches{shadows}", source.name());
                 let pairs = f64::from(caches * AT_ONCE);

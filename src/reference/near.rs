@@ -1,10 +1,11 @@
 //! Short rays from a point of a surface, in f64: their hits and the resulting light. Twin of `glsl/near.comp`.
 //! METHOD 11.
 
+use super::brdf::Lobe;
 use super::depth_image::tangents;
 use super::light::facing_irradiance;
 use super::world::{Sides, Surface, World};
-use crate::scene::{Light, LightKind};
+use crate::scene::{Light, LightKind, material};
 use crate::shared::{DIRECTION_SIDE, DIRECTIONS, Val};
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -73,8 +74,24 @@ pub fn radiances(
     sums.into_iter().enumerate().map(|(i, sum)| sum / solid_angle(i)).collect()
 }
 
-/// Radiance [cd/m^2] that a surface reflects diffusely from all punctual lights.
-pub fn reflected_direct(world: &World<'_>, surface: &Surface) -> DVec3 {
+/// Least roughness of the lobe in which surfaces reflect direct light along rays.
+const LEAST_LOBE: f32 = 0.35;
+
+/// BRDF [1/sr] of a surface for a ray of this unit direction, by the unit direction to the light.
+pub fn brdf_along(surface: &Surface, looking: DVec3) -> impl Fn(DVec3) -> DVec3 + use<> {
+    let mut widened = surface.reflection;
+    match &mut widened.lobe {
+        material::Lobe::Ggx { roughness, .. } => *roughness = roughness.max(LEAST_LOBE),
+        material::Lobe::Phong { exponent, .. } => *exponent = exponent.min(0.5 / LEAST_LOBE.powi(4) - 0.5),
+    }
+    let lobe = Lobe::new(&widened, surface.vertex_normal, looking);
+    let diffuse = surface.reflection.diffuse(-surface.vertex_normal.dot(looking)).as_dvec3() / PI;
+    move |towards| diffuse + lobe.brdf(towards)
+}
+
+/// Radiance [cd/m^2] that a surface reflects along a ray of this unit direction from all punctual lights.
+pub fn reflected_direct(world: &World<'_>, surface: &Surface, looking: DVec3) -> DVec3 {
+    let brdf = brdf_along(surface, looking);
     let given = |light: &Light| {
         let (irradiance, way) = facing_irradiance(light, surface.position);
         let distance = match light.kind {
@@ -83,9 +100,9 @@ pub fn reflected_direct(world: &World<'_>, surface: &Surface) -> DVec3 {
         };
         let (cosine, above) = (surface.vertex_normal.dot(way), surface.geometric.dot(way));
         let arrives = cosine > 0.0 && above > 0.0 && !world.blocked_within(surface.position, way, distance);
-        if arrives { irradiance * cosine } else { DVec3::ZERO }
+        if arrives { irradiance * cosine * brdf(way) } else { DVec3::ZERO }
     };
-    surface.reflection.sent_on().as_dvec3() / PI * world.scene().lights.iter().map(given).sum::<DVec3>()
+    world.scene().lights.iter().map(given).sum()
 }
 
 /// Irradiance \[lx\] from the surfaces within `reach` \[m\] that a point's rays hit, and which rays hit nothing.
@@ -113,7 +130,7 @@ pub fn short_rays(
         open.push(hit.is_none());
         if let Some(hit) = hit {
             let surface = world.surface(&hit);
-            sum += surface.emission + reflected_direct(world, &surface);
+            sum += surface.emission + reflected_direct(world, &surface, way);
         }
     }
     (sum * (PI / open.len() as f64), open)

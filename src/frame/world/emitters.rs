@@ -156,7 +156,7 @@ impl<'a> Places<'a> {
             position: (position - origin).as_vec3(),
             area: area as f32,
             normal: face.normalize().as_vec3(),
-            material: 0,
+            kind: 0,
             flux: (PI * area * patch.share * emissive).as_vec3(),
             weight: 0.0,
         }

@@ -117,7 +117,7 @@ fn numbers(mut state: u64) -> impl FnMut() -> f32 {
 
 /// A VAL weighted by its irradiance.
 fn disc(position: Vec3, normal: Vec3, area: f32, flux: Vec3) -> Val {
-    Val { position, area, normal, material: 0, flux, weight: luminance(flux.as_dvec3()) as f32 }
+    Val { position, area, normal, kind: 0, flux, weight: luminance(flux.as_dvec3()) as f32 }
 }
 
 /// VALs above the plane z = 0 that face roughly down; their fluxes span three decades.

@@ -96,7 +96,7 @@ impl PathTraceSettings {
         }
     }
 
-    /// The light that the engine takes into account: this number of bounces, of which only the last reflects glossily.
+    /// Light paths of the engine without short rays: this number of bounces, of which only the last reflects glossily.
     pub fn engine(size: [u32; 2], bounces: u32) -> Self {
         Self { bounces: Some(bounces), glossy_bounces: false, ..Self::of(size) }
     }
