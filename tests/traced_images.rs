@@ -1,6 +1,6 @@
 //! Depth images that rays trace: texels against the f64 twin, and the caches' light against rays to every VAL.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use lightskin::frame::near::CACHE_REACH;
 use lightskin::frame::{Near, Shadows, World};
 use lightskin::lab::knobs::Knobs;
@@ -75,7 +75,11 @@ fn caches_see_what_rays_see() {
     for (which, spacing, limit) in
         [(Shadowed::Cornell, 0.25, 0.01), (Shadowed::Gap, 0.4, 0.008), (Shadowed::Columns, 0.5, 0.023)]
     {
-        let scene = which.scene();
+        let mut scene = which.scene();
+        // Without lobes a virtual light's flux says all.
+        for phong in scene.materials.iter_mut().filter_map(|material| material.phong.as_mut()) {
+            phong.specular = Vec3::ZERO;
+        }
         let caches = baked(&scene, spacing, 8);
         let spacing = World::new(&gpu, &scene, Some(&caches)).expect("uploaded").spacing();
         let near = CACHE_REACH * spacing;
