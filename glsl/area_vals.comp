@@ -7,7 +7,7 @@
 
 layout(local_size_x = 64) in;
 layout(constant_id = 4) const uint IRRADIANCE_WEIGHTS = 1; // else form-factor weights
-layout(constant_id = 5) const uint LOBES = 0; // 1: VALs send a share of their flux in a lobe
+layout(constant_id = 5) const uint LOBES = 0; // 1: VALs also send light in a lobe
 layout(push_constant, scalar) uniform Push { AreaValsPush push; };
 layout(binding = 13, scalar) writeonly buffer Vals { Val vals[]; };
 layout(binding = 14, scalar) writeonly buffer Flags { uint flags[]; }; // 1 for VALs with light or weight

@@ -12,7 +12,7 @@ const uint MAPS = 8u; // as many as shared memory has room for
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint THREADS = 8u; // a multiple of MAPS
 layout(constant_id = 1) const uint VALS_AS_TEXELS = 0; // 1: VALs are read as texels
-layout(constant_id = 2) const uint LOBES = 0; // 1: VALs send a share of their flux in a lobe
+layout(constant_id = 2) const uint LOBES = 0; // 1: VALs also send light in a lobe
 layout(push_constant, scalar) uniform Push { DirectionsPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; };

@@ -18,7 +18,7 @@ layout(constant_id = 2) const uint CACHES = 4; // per thread
 layout(constant_id = 3) const uint SPREAD = 0; // 1: stage 7 needs the distances of glossy VALs
 layout(constant_id = 4) const uint BY_HAND = 0; // 1: the device is a CPU
 layout(constant_id = 5) const uint NEAR = 0; // 1: nearby VALs are left to short rays
-layout(constant_id = 6) const uint LOBES = 0; // 1: VALs send a share of their flux in a lobe
+layout(constant_id = 6) const uint LOBES = 0; // 1: VALs also send light in a lobe; only with NEAR
 #ifdef SHADOWED
 layout(constant_id = 7) const uint TOGETHER = 1; // VALs per visibility test: 1 or all of a round
 layout(constant_id = 8) const uint IMAGES_AS_TEXELS = 1;
@@ -119,14 +119,12 @@ void add(FourVals v) {
         }
 #endif
         vec4 far = vec4(1.0);
-        if (NEAR != 0u || LOBES != 0u) {
+        if (NEAR != 0u) {
             vec4 x = v.x - receivers[j].position.x;
             vec4 y = v.y - receivers[j].position.y;
             vec4 z = v.z - receivers[j].position.z;
             vec4 d2 = x * x + y * y + z * z;
-            if (NEAR != 0u) {
-                far = clamp((d2 - push.near_begin) * push.near_scale, 0.0, 1.0);
-            }
+            far = clamp((d2 - push.near_begin) * push.near_scale, 0.0, 1.0);
             if (LOBES != 0u) {
                 vec4 facing = -(v.normal_x * x + v.normal_y * y + v.normal_z * z);
                 vec4 sent = sent_towards(lobes, facing, x, y, z, d2);

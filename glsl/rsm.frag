@@ -8,7 +8,7 @@
 #include "lib/dipole.glsl"
 #endif
 
-layout(constant_id = 1) const uint LOBES = 0; // 1: VALs send a share of their flux in a lobe
+layout(constant_id = 1) const uint LOBES = 0; // 1: VALs also send light in a lobe
 layout(push_constant, scalar) uniform Push { DrawPush push; };
 
 layout(location = 0) in vec3 position;

@@ -94,12 +94,11 @@ void main() {
     float luminance = dot(flux, vec3(0.2126, 0.7152, 0.0722));
     val.weight = has_light ? (IRRADIANCE_WEIGHTS != 0u ? luminance : val.area) : 0.0;
     uint at = push.first + texel.y * push.size + texel.x;
-    flags[at] = val.weight != 0.0 || flux != vec3(0.0) ? 1u : 0u;
     if (val.kind != 0u) {
         val.weight = packed_flux(has_light ? unpacked_tint(albedo.a) * entering : vec3(0.0));
-        flags[at] = has_light ? 1u : 0u;
     }
     vals[at] = val;
+    flags[at] = val.weight != 0.0 || flux != vec3(0.0) ? 1u : 0u;
 #ifdef INSIDE
     vec4 inside = texelFetch(inside_image, ivec2(texel), 0);
     val.flux = hit.w > 0.0 && inside.y > 0.0 ? entering * inside.x : vec3(0.0);

@@ -50,7 +50,7 @@ struct FourVals {
     vec4 normal_y;
     vec4 normal_z;
     vec4 weight;
-    vec4 lobe; // packed
+    vec4 lobe; // shape of its lobe, lib/val_lobe.glsl
     vec3 flux[AT_ONCE];
 };
 
@@ -86,8 +86,7 @@ vec4 form_factors(Receiver c, FourVals v, vec4 x, vec4 y, vec4 z, vec4 d2) {
     return at_val * at_cache / q;
 }
 
-// Adds four VALs. The lobe is computed first, so that the sums fill its latency. `seen`: 0 if occluded, else 1, or what a
-// lobe of the VAL sends there relative to diffuse light. `far`: 1, or less if the diffuse lobe leaves a VAL to short rays.
+// Adds four VALs. The lobe is computed first, so that the sums fill its latency. `seen`: 1, or 0 if occluded. `far`: 1, or less if the diffuse lobe leaves a VAL to short rays.
 void accumulate(inout GatherSums s,
 #ifdef TWO_EYES
                 inout GlossySums second,

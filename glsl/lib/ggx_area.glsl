@@ -64,7 +64,7 @@ const vec2 AGREEMENT = vec2(0.5, 0.9);
 const float LEAST_SHARE = 1e-5;
 
 // Shares of a polygon that the two parts of a GGX lobe reflect, normalised. Mapped lobes, with the shares `shares`, are
-// wrong by half far from their peaks. Sums over points correct them, where the points see the mapped lobe as it is.
+// wrong far from their peaks. Sums over points correct them, where the points see the mapped lobe as it is.
 vec2 corrected_shares(SeenPart part, vec3 n, vec3 looking, float roughness, vec2 once, mat3 maps[2], vec2 shares) {
     vec3 view = seen_from(n, looking);
     vec3 middle = middle_of(part);

@@ -94,7 +94,8 @@ impl Entry {
             );
         }
         let mut html = format!(
-            "<p>FLIP <b>{flip:.4}</b>, {flip_of_surfaces:.4} of surfaces, {flip_of_noise:.4} of the path tracer's noise; bias of surfaces <b>{:+.2} %</b></p>\n\
+            "<p>FLIP <b>{flip:.4}</b>, {flip_of_surfaces:.4} of surfaces, {flip_of_noise:.4} of the path tracer's noise; \
+             bias of surfaces <b>{:+.2} %</b></p>\n\
              <div class=\"strip\">{html}</div>\n",
             100.0 * bias
         );
@@ -180,7 +181,9 @@ impl Sheet {
             let _ = writeln!(page, "<div class=\"warn\">Not drawn:<ul>{lines}</ul></div>");
         }
         page.push_str(
-            "<table>\n<tr><th>scene</th><th>FLIP</th><th>of surfaces</th><th>of noise</th><th>bias of surfaces</th></tr>\n");
+            "<table>\n<tr><th>scene</th><th>FLIP</th><th>of surfaces</th><th>of noise</th>\
+             <th>bias of surfaces</th></tr>\n",
+        );
         for (index, entry) in self.entries.iter().enumerate() {
             let Entry { scene, flip, flip_of_surfaces, flip_of_noise, bias, .. } = entry;
             let _ = writeln!(
