@@ -1,4 +1,4 @@
-// Debugging: counts impossible values in radiance, VALs and proxies: NaN, infinite or negative. METHOD 4 rules them
+// Debugging: counts impossible values in radiance, VALs, the caches' sums and proxies: NaN, infinite or negative. METHOD 4 rules them
 // out.
 #include "shared.glsl"
 
@@ -9,7 +9,9 @@ layout(binding = 1) uniform sampler2D diffuse_image;
 layout(binding = 2) uniform sampler2D glossy_image;
 layout(binding = 3, scalar) readonly buffer Vals { Val vals[]; };
 layout(binding = 4, scalar) readonly buffer Proxies { Proxy proxies[]; };
-layout(binding = 5, scalar) writeonly buffer Counts { uint counts[]; }; // CHECK_GROUPS counts per target
+layout(binding = 5, scalar) readonly buffer Sums { GatherSums sums[]; }; // one per part and cache
+layout(binding = 6, scalar) readonly buffer Args { LiveArgs args; };
+layout(binding = 7, scalar) writeonly buffer Counts { uint counts[]; }; // CHECK_GROUPS counts per target
 
 shared uint sum;
 
@@ -45,12 +47,19 @@ uint broken_proxy(Proxy p) {
            endless(p.glossy_position) + broken(p.glossy_irradiance);
 }
 
+// Positions are relative to the cache.
+uint broken_sums(GatherSums s) {
+    return endless(s.diffuse_position) + broken(s.diffuse_weight) + broken(s.diffuse_irradiance) + broken(s.distance2) +
+           endless(s.glossy_position) + broken(s.glossy_weight) + broken(s.glossy_irradiance) + broken(s.glossy_distance2);
+}
+
 void main() {
     uint target = gl_WorkGroupID.y;
     uint items = target == CHECK_DIRECT    ? push.direct_pixels
                  : target == CHECK_DIFFUSE ? push.diffuse_pixels
                  : target == CHECK_GLOSSY  ? push.glossy_pixels
                  : target == CHECK_VALS    ? push.val_count
+                 : target == CHECK_SUMS    ? (push.summed_caches > 0u ? args.groups_y * args.cache_count : 0u)
                                            : push.cache_count;
     if (gl_LocalInvocationID.x == 0u) {
         sum = 0u;
@@ -66,6 +75,8 @@ void main() {
             found += broken_pixel(glossy_image, i);
         } else if (target == CHECK_VALS) {
             found += broken_val(vals[i]);
+        } else if (target == CHECK_SUMS) {
+            found += broken_sums(sums[(push.cache_parts + i / args.cache_count) * push.summed_caches + i % args.cache_count]);
         } else {
             found += broken_proxy(proxies[i]);
         }

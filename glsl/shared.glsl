@@ -85,8 +85,9 @@ const uint CHECK_DIRECT = 0u;
 const uint CHECK_DIFFUSE = 1u;
 const uint CHECK_GLOSSY = 2u;
 const uint CHECK_VALS = 3u;
-const uint CHECK_PROXIES = 4u;
-const uint CHECK_TARGETS = 5u;
+const uint CHECK_SUMS = 4u;
+const uint CHECK_PROXIES = 5u;
+const uint CHECK_TARGETS = 6u;
 const uint CHECK_GROUPS = 64u;
 
 // Arithmetic peak benchmark: steps of each chain (lavapipe ends loops at 65 535), and chains per invocation.
@@ -554,6 +555,8 @@ struct CheckPush {
     uint glossy_pixels;
     uint val_count;
     uint cache_count;
+    uint summed_caches; // sums per part; 0: there are no sums
+    uint cache_parts; // parts before those of the VALs
 };
 
 #include "shared_material.glsl"

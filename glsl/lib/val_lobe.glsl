@@ -116,7 +116,9 @@ vec4 sent_towards(FourLobes l, vec4 facing, vec4 x, vec4 y, vec4 z, vec4 d2) {
     vec4 to_point = max(facing * closeness, LEAST_COSINE);
     vec4 half2 = max(2.0 - 2.0 * (l.x * x + l.y * y + l.z * z) * closeness, 1e-6); // squared sum of both directions
     vec4 half_cosine = l.cosine + to_point; // times the length of that sum
-    vec4 narrow = half2 / (half2 + half_cosine * half_cosine * (l.alpha2 - 1.0)); // GGX is alpha2 / pi of its square
+    // The bounded cosines may belong to a longer sum. Without the minimum the divisor could become 0.
+    vec4 along2 = min(half_cosine * half_cosine, half2);
+    vec4 narrow = half2 / (half2 - along2 * (1.0 - l.alpha2)); // GGX is alpha2 / pi of its square
     vec4 missed = max(1.0 - 0.5 * sqrt(half2), 0.0);
     vec4 missed2 = missed * missed;
     vec4 fresnel = l.f0 + (1.0 - l.f0) * (missed2 * missed2 * missed);

@@ -113,6 +113,13 @@ impl Gather {
         if let Self::Compute(by) = self { Some(&by.near.as_ref()?.radiances) } else { None }
     }
 
+    /// The sums of VALs' light, one after the other; `None` for other gathers than the compute shader's.
+    pub(super) fn sums(&self) -> Option<Sums<'_>> {
+        let Self::Compute(by) = self else { return None };
+        let cache_parts = by.bounces.as_ref().map_or(0, |bounces| bounces.parts);
+        Some(Sums { parts: &by.parts, args: &by.live.args, cache_parts })
+    }
+
     /// The caches as VALs, if caches light caches.
     pub(super) fn cache_vals(&self) -> Option<&Buffer> {
         if let Self::Compute(by) = self { by.bounces.as_ref().map(|bounces| &bounces.vals) } else { None }
@@ -126,6 +133,16 @@ impl Gather {
             Self::Clusters(by) => by.record(cmd, lit),
         }
     }
+}
+
+/// Sums of light, one after the other for each part of the VALs.
+#[derive(Clone, Copy)]
+pub(super) struct Sums<'a> {
+    pub(super) parts: &'a Buffer,
+    /// A `LiveArgs`: numbers of caches and of parts.
+    pub(super) args: &'a Buffer,
+    /// Parts before those of the VALs, for light that caches send on.
+    pub(super) cache_parts: u32,
 }
 
 /// The gather by a compute shader.
