@@ -20,14 +20,13 @@
 
 layout(local_size_x = 64) in;
 layout(constant_id = 4) const uint RAYS = 8; // per pixel
-layout(constant_id = 5) const uint EVERY = 2; // distance between pixels with rays, in columns and rows
 layout(push_constant, scalar) uniform Push { TracePush push; };
 layout(binding = 13) uniform usampler2D element_image;
 layout(binding = 14, scalar) readonly buffer Draws { DrawRecord draws[]; };
 layout(binding = 15, scalar) readonly buffer Directions { vec3 directions[]; }; // about +z, with cosine density
 layout(binding = 16, scalar) writeonly buffer Near { NearPixel near_pixels[]; };
-layout(constant_id = 6) const uint REFERENCES = 8;
-layout(constant_id = 7) const uint BY_CELLS = 0; // 1: references are stored per cell
+layout(constant_id = 5) const uint REFERENCES = 8;
+layout(constant_id = 6) const uint BY_CELLS = 0; // 1: references are stored per cell
 layout(binding = 17, scalar) readonly buffer Radiances { uint radiances[]; }; // per cache and direction [cd/m^2]
 layout(binding = 18, scalar) readonly buffer Caches { Cache caches[]; };
 #define REFERENCE_BINDINGS 19
@@ -152,7 +151,7 @@ void main() {
         return;
     }
     ivec2 size = textureSize(element_image, 0);
-    ivec2 pixel = min(ivec2(at * EVERY), size - 1);
+    ivec2 pixel = min(ivec2(at * push.every), size - 1);
     uvec2 element = texelFetch(element_image, pixel, 0).xy;
     NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), 0u, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0,
                                  vec3(0.0), 0.0, 0.0, 0.0, vec2(0.0));
@@ -206,7 +205,7 @@ void main() {
     // Twice the distance between traced pixels on a plane that faces the eye [m].
     float depth = dot(w, vec3(clip[0].w, clip[1].w, clip[2].w));
     vec3 upward = vec3(push.clip_from_world[0][1], push.clip_from_world[1][1], push.clip_from_world[2][1]);
-    float two = max(4.0 * float(EVERY) * depth / (length(upward) * float(size.y)), 1e-30);
+    float two = max(4.0 * float(push.every) * depth / (length(upward) * float(size.y)), 1e-30);
     float width = inversesqrt(0.5 * (lobe.exponent + 1.0));
     if (is_glossy) {
         found.nearness = endless ? 0.0 : 1.0 / push.reach;

@@ -157,6 +157,7 @@ struct TracePush {
     uint reflects; // 1: hit surfaces reflect the lights
     uint first_sky_light; // first light that stands for a sky; hit surfaces get that light from caches instead
     uint sky_light_count;
+    uint every; // distance between pixels with rays, in columns and rows
 };
 
 // VALs per row of the dispatch that traces an area light's VALs.
@@ -202,6 +203,7 @@ struct NearPush {
     uint first_proxy; // first proxy of the eye
     uint width; // pixels with rays per row
     uint height;
+    uint every; // distance between them, in columns and rows
 };
 
 // Pixels per row with different points of a light; a square of this side covers all points.

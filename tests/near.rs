@@ -302,6 +302,21 @@ fn lobes_are_spread_over_what_mirrors_the_same() {
     assert_clean(&gpu);
 }
 
+/// In small pictures every pixel has rays by default, else every fourth; a setting decides for all sizes.
+#[test]
+fn small_pictures_trace_every_pixel() {
+    let gpu = gpu();
+    let scene = cornell(CornellSurface::Diffuse, 1.0);
+    let caches = baked(&scene, 0.5, 8);
+    let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    for (every, size, traced) in [(0, [96, 54], [96, 54]), (2, [96, 54], [48, 27]), (0, [640, 361], [320, 181])] {
+        let knobs = Knobs { near: Near::Rays { per_pixel: 1, every }, ..near(size) };
+        let frame = drawn_of(&gpu, &scene, &world, &knobs);
+        assert_eq!(frame.picture.near.as_ref().expect("rays").size, traced);
+    }
+    assert_clean(&gpu);
+}
+
 /// Hits nearer than two traced pixels, as right in a corner, do not keep the lobes of other pixels apart. Otherwise each
 /// pixel beside them would show a single ray.
 #[test]
@@ -312,7 +327,7 @@ fn the_nearest_hits_do_not_keep_lobes_apart() {
     let world = World::new(&gpu, &scene, Some(&baked(&scene, 0.4, 8))).expect("uploaded");
     let frame = drawn_of(&gpu, &scene, &world, &knobs);
     let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-    let every = frame.light.caches().expect("caches").near.as_ref().expect("rays").every;
+    let every = knobs.near.every(knobs.size);
     let slope = view.clip_from_world.row(1).truncate().length() * knobs.size[1] as f32;
     let pixels: Vec<NearPixel> = gpu.read(&frame.picture.near.as_ref().expect("rays").pixels).expect("read");
     let nearness = |p: &NearPixel| {

@@ -5,10 +5,8 @@
 #include "lib/near_alike.glsl"
 #include "lib/octahedral.glsl"
 #define NEAR_BINDING 12
-#define NEAR_CONSTANT 3
+#define NEAR_CONSTANT 2
 #include "lib/near_lights.glsl"
-
-layout(constant_id = 2) const uint EVERY = 2; // distance between pixels with rays, in columns and rows
 
 struct Near {
     vec3 irradiance; // from the surfaces hit [lx]
@@ -44,8 +42,9 @@ void take_near(inout NearSum sum, ivec2 at, float share, vec3 position, vec3 geo
 Near near_of(ivec2 pixel, vec3 position, vec3 geometric) {
     NearSum sum = NearSum(Near(vec3(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0), 0.0);
     ivec2 last = ivec2(push.width, push.height) - 1;
-    ivec2 first = pixel / int(EVERY);
-    vec2 part = vec2(pixel % int(EVERY)) / float(EVERY);
+    int every = int(push.every);
+    ivec2 first = pixel / every;
+    vec2 part = vec2(pixel % every) / float(every);
     for (int j = 0; j < 4; ++j) {
         ivec2 offset = ivec2(j & 1, j >> 1);
         vec2 share = mix(1.0 - part, part, equal(offset, ivec2(1)));

@@ -353,9 +353,12 @@ impl State {
                     let help =
                         "Rays per traced pixel. 16 neighbouring pixels share their rays. The time grows in proportion.";
                     row(ui, "  per pixel", help, |ui| ui.add(Slider::new(per_pixel, 1..=32)));
-                    let help =
-                        "Distance between traced pixels, along rows and columns. 2 needs a quarter of the rays of 1.";
-                    row(ui, "  every", help, |ui| ui.add(Slider::new(every, 1..=8).suffix(" px")));
+                    let help = "Distance between traced pixels, along rows and columns. 2 needs a quarter of the rays of 1. auto: 2, but \
+                         1 in pictures below 640 x 360 pixels.";
+                    row(ui, "  every", help, |ui| {
+                        let shown = |every: f64, _| if every == 0.0 { "auto".into() } else { format!("{every} px") };
+                        ui.add(Slider::new(every, 0..=8).custom_formatter(shown))
+                    });
                 }
             }
             let sizes = [32, 64, 96, 128, 192, 256].map(|n| (n, format!("{n} x {n}")));

@@ -65,7 +65,7 @@ pub(super) struct DrawingArgs {
     /// Short rays per traced pixel; 16 neighbouring pixels share their rays [default: 8 at --quality high].
     #[arg(long, help_heading = QUALITY, hide_short_help = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32))]
     near_rays: Option<u32>,
-    /// Trace short rays at every N-th pixel of every N-th row [default: 2 at --quality high].
+    /// Trace short rays at every N-th pixel of every N-th row [default: 2 at --quality high, 1 below 640x360 pixels].
     #[arg(long, help_heading = QUALITY, hide_short_help = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     near_every: Option<u32>,
 }
@@ -159,7 +159,7 @@ impl DrawingArgs {
     }
 
     /// The settings that affect cost, named like the flags.
-    pub(super) fn facts(&self, level: Quality, settings: &Settings) -> Vec<(&'static str, Value)> {
+    pub(super) fn facts(&self, level: Quality, settings: &Settings, size: [u32; 2]) -> Vec<(&'static str, Value)> {
         // No `..`, so that a new setting must be added to this list.
         let Settings { indirect, rsm, light_shadows, antialiasing, layers, reuse } = *settings;
         let caches = if let Indirect::Caches(caches) = indirect { Some(caches) } else { None };
@@ -180,8 +180,8 @@ impl DrawingArgs {
             ("cluster", json!(self.gather.cluster.cluster)),
             ("cluster_error", json!(self.gather.cluster.cluster_error)),
             ("cull", json!(caches.is_some_and(|caches| caches.cull))),
-            ("near_rays", json!(gather.map(|gather| gather.near().rays().0))),
-            ("near_every", json!(gather.map(|gather| gather.near().rays().1))),
+            ("near_rays", json!(gather.map(|gather| gather.near().per_pixel()))),
+            ("near_every", json!(gather.map(|gather| gather.near().every(size)))),
             ("shadows", json!(ShadowsArg::of(gather.map_or(Shadows::Off, |gather| gather.shadows())))),
             ("skip", json!(reuse)),
             ("interpolation", word(self.interpolation).into()),

@@ -230,7 +230,7 @@ fn say_levels(gpu: &Gpu, world: &World, now: Quality) {
             light_shadows_word(quality.light_shadows()),
             match quality.near() {
                 Near::Off => "off".to_owned(),
-                Near::Rays { per_pixel, every } => format!("{per_pixel} / {}", every * every),
+                near => format!("{} / {}", near.per_pixel(), near.every(SIZE).pow(2)),
             },
             quality.bounces(),
             quality.antialiasing().samples(),

@@ -185,7 +185,7 @@ impl Render {
             ("validation", word(self.device.validation).into()),
             ("check", json!(self.check)),
         ];
-        facts.extend(self.drawing.facts(self.caches.quality(), settings));
+        facts.extend(self.drawing.facts(self.caches.quality(), settings, self.size));
         facts
     }
 }

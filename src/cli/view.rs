@@ -304,7 +304,9 @@ impl View {
                     flag("--near", if near == Near::Off { "off".into() } else { "rays".into() });
                     if let Near::Rays { per_pixel, every } = near {
                         flag("--near-rays", per_pixel.to_string());
-                        flag("--near-every", every.to_string());
+                        if every > 0 {
+                            flag("--near-every", every.to_string());
+                        }
                     }
                 }
                 if shadows != self.quality().shadows(caches, near) {

@@ -81,7 +81,6 @@ impl Interpolate {
         // With cells, every pixel reads this many references. Otherwise the vertices have done so.
         let (of_pixels, references) = (world.references_of_pixels(), world.references_each as u32);
         let constants = [references, u32::from(plan.lobes), printed];
-        let (_, every) = plan.near.rays();
         let average = if plan.sky_light { "average_sky.comp" } else { "average.comp" };
         Ok(Self {
             average: of_pixels.is_none().then(|| gpu.compute(average, &constants)).transpose()?,
@@ -103,8 +102,7 @@ impl Interpolate {
                 blend: Blend::Replace,
                 depth: Depth::None,
                 cull: Cull::None,
-                constants: &[printed, references, every, near::as_texels(gpu)]
-                    [..if plan.near == Near::Off { 2 } else { 4 }],
+                constants: &[printed, references, near::as_texels(gpu)][..if plan.near == Near::Off { 2 } else { 3 }],
             })?,
         })
     }
@@ -182,9 +180,9 @@ impl Interpolate {
             draw.bind(&self.shade, &resources);
             let View { clip_from_world, eye, .. } = *view;
             match near {
-                Some(NearPixels { size: [width, height], .. }) => {
-                    let (width, height) = (*width, *height);
-                    draw.push(&NearPush { clip_from_world, eye, reach, first_proxy, width, height });
+                Some(found) => {
+                    let NearPixels { size: [width, height], every, .. } = *found;
+                    draw.push(&NearPush { clip_from_world, eye, reach, first_proxy, width, height, every });
                 }
                 None => draw.push(&InterpolatePush { clip_from_world, eye, reach, first_proxy }),
             }

@@ -27,8 +27,7 @@ pub struct NearRays {
     sky: bool,
     /// Directions about +z that neighbours share, one block per ray.
     directions: Buffer,
-    /// Distance in columns and rows between traced pixels.
-    pub every: u32,
+    near: Near,
     /// Length of the rays \[m\].
     pub reach: f32,
 }
@@ -43,6 +42,8 @@ pub struct NearPixels {
     pub halfway: Buffer,
     /// Number of columns and rows of traced pixels.
     pub size: [u32; 2],
+    /// Distance in columns and rows between them.
+    pub every: u32,
 }
 
 /// Distance from a cache below which VALs and occluders are left to rays \[cache spacings\].
@@ -95,12 +96,12 @@ impl NearRays {
         if near == Near::Off {
             return Ok(None);
         }
-        let (per_pixel, every) = near.rays();
+        let per_pixel = near.per_pixel();
         let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
         let [stack, levels, texels, holes] = rays.constants(gpu);
         let by_cells = u32::from(world.references_of_pixels().is_some());
         let (references, lit) = (world.references_each as u32, plan.bounces > 0);
-        let constants = [stack, levels, texels, holes, per_pixel, every, references, by_cells];
+        let constants = [stack, levels, texels, holes, per_pixel, references, by_cells];
         let shader = usize::from(plan.glossy) + 2 * usize::from(lit) + 4 * usize::from(plan.sky_light);
         let names = if plan.glossy {
             ["near_filter_glossy.comp", "near_spread_glossy.comp"]
@@ -115,7 +116,7 @@ impl NearRays {
             reflects: plan.reflects || plan.sends_sky,
             sky: plan.sky_light,
             directions: gpu.buffer_from("near.directions", &directions(per_pixel * NEAR_SIDE * NEAR_SIDE))?,
-            every,
+            near,
             reach: (PIXEL_REACH * world.spacing()) as f32,
         }))
     }
@@ -167,6 +168,7 @@ impl NearRays {
                 reflects: u32::from(self.reflects),
                 first_sky_light: sky_lights.start,
                 sky_light_count: sky_lights.len() as u32,
+                every: out.every,
             });
             // A workgroup has 8 x 8 pixels that share their directions.
             let block = NEAR_SIDE * 8;
@@ -203,13 +205,15 @@ impl NearPixels {
     /// # Errors
     /// Fails if the device runs out of memory.
     pub(super) fn new(gpu: &Device, rays: &NearRays, size: [u32; 2]) -> Result<Self> {
-        let size = size.map(|side| side.div_ceil(rays.every));
+        let every = rays.near.every(size);
+        let size = size.map(|side| side.div_ceil(every));
         let count = u64::from(size[0]) * u64::from(size[1]);
         Ok(Self {
             pixels: gpu.buffer("near.pixels", count * size_of::<NearPixel>() as u64)?,
             lights: gpu.buffer("near.lights", count * size_of::<NearLight>() as u64)?,
             halfway: gpu.buffer("near.halfway", count * size_of::<NearLight>() as u64)?,
             size,
+            every,
         })
     }
 }

@@ -196,10 +196,14 @@ pub enum Near {
     Rays {
         /// Rays per traced pixel, 1 to 32. 16 neighbouring traced pixels share their rays.
         per_pixel: u32,
-        /// Distance in columns and rows between traced pixels.
+        /// Distance in columns and rows between traced pixels. 0: 2, but 1 in pictures below `SMALL_PICTURE`.
         every: u32,
     },
 }
+
+/// Number of pixels below which a picture is small: there rays at every pixel cost little, and light that a few of them
+/// share would be blurred over large parts of it.
+pub const SMALL_PICTURE: u32 = 640 * 360;
 
 /// How a picture is displayed. It may change every frame at no cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -332,7 +336,7 @@ impl Quality {
     pub fn near(self) -> Near {
         match self {
             Self::Low | Self::Medium => Near::Off,
-            Self::High => Near::Rays { per_pixel: 8, every: 2 },
+            Self::High => Near::Rays { per_pixel: 8, every: 0 },
             Self::Reference => Near::Rays { per_pixel: 32, every: 1 },
         }
     }
@@ -413,11 +417,17 @@ impl Antialiasing {
 }
 
 impl Near {
-    /// Rays per traced pixel, and distance in columns and rows between traced pixels.
-    pub fn rays(self) -> (u32, u32) {
+    /// Rays per traced pixel.
+    pub fn per_pixel(self) -> u32 {
+        if let Self::Rays { per_pixel, .. } = self { per_pixel.clamp(1, 32) } else { 0 }
+    }
+
+    /// Distance in columns and rows between traced pixels of a picture.
+    pub fn every(self, [width, height]: [u32; 2]) -> u32 {
         match self {
-            Self::Off => (0, 1),
-            Self::Rays { per_pixel, every } => (per_pixel.clamp(1, 32), every.max(1)),
+            Self::Rays { every: 0, .. } if width * height >= SMALL_PICTURE => 2,
+            Self::Rays { every, .. } => every.max(1),
+            Self::Off => 1,
         }
     }
 }

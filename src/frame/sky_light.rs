@@ -30,8 +30,7 @@ impl SkyShading {
             return Ok(None);
         }
         let by_cells = world.references_of_pixels().is_some();
-        let (_, every) = plan.near.rays();
-        let constants = [u32::from(plan.glossy), world.references_each as u32, every, near::as_texels(gpu)];
+        let constants = [u32::from(plan.glossy), world.references_each as u32, near::as_texels(gpu)];
         let fragment = match (by_cells, plan.near, plan.coated) {
             (false, Near::Off, false) => "sky_light.frag",
             (true, Near::Off, false) => "sky_light_cells.frag",
@@ -42,7 +41,7 @@ impl SkyShading {
             (false, _, true) => "sky_light_near_coat.frag",
             (true, _, true) => "sky_light_near_cells_coat.frag",
         };
-        let constants = &constants[..if plan.near == Near::Off { 2 } else { 4 }];
+        let constants = &constants[..if plan.near == Near::Off { 2 } else { 3 }];
         let shade = Surface::adding(gpu, fragment, constants)?;
         Ok(Some(Self { shade, by_cells }))
     }
@@ -80,8 +79,8 @@ impl SkyShading {
                 let View { clip_from_world, eye, .. } = *view;
                 match near {
                     Some(found) => {
-                        let [width, height] = found.size;
-                        draw.push(&NearPush { clip_from_world, eye, reach, first_proxy, width, height });
+                        let NearPixels { size: [width, height], every, .. } = *found;
+                        draw.push(&NearPush { clip_from_world, eye, reach, first_proxy, width, height, every });
                     }
                     None => draw.push(&InterpolatePush { clip_from_world, eye, reach, first_proxy }),
                 }
