@@ -322,6 +322,10 @@ fn bad_input_is_one_line_and_exit_code_1() {
     fails(&at, &["render", ATRIUM, "--camera", "0,0,0;1,0,0;0,1,0"], 2, &["eye;target;up;fov"]);
     fails(&at, &["render", ATRIUM, "--caches", "-1"], 2, &["invalid value '-1' for '--caches <N>'"]);
     fails(&at, &["render", ATRIUM, "--sky-rotate", "nan"], 2, &["--sky-rotate", "needs a number"]);
+    // Without a sky these would do nothing.
+    fails(&at, &["render", ATRIUM, "--sky-rotate", "90"], 2, &["not provided", "--sky <FILE>"]);
+    fails(&at, &["render", ATRIUM, "--sky-scale", "2"], 2, &["not provided", "--sky-color <R,G,B>"]);
+    fails(&at, &["render", ATRIUM, "--sky", "a.hdr", "--sky-color", "1,1,1"], 2, &["cannot be used with"]);
     fails(&at, &["render", ATRIUM, "-o", "{frame:x}.png"], 2, &["{frame:04}"]);
     fails(&at, &["render", ATRIUM, "--device", "nonesuch"], 1, &["nonesuch", "matches none"]);
     fails(&at, &["render", "-o", "no/such/folder/a.png"], 1, &["no/such/folder/a.png", "does not exist"]);

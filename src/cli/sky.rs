@@ -20,21 +20,21 @@ pub(crate) struct SkyArgs {
     /// Environment map: an equirectangular .hdr or .exr picture in cd/m^2.
     ///
     /// The middle column of the picture is the direction -Z.
-    #[arg(long, value_name = "FILE", conflicts_with = "sky_color")]
+    #[arg(long, value_name = "FILE", group = "any_sky")]
     pub(crate) sky: Option<PathBuf>,
     /// Uniform sky of this radiance [cd/m^2].
-    #[arg(long, value_name = "R,G,B", value_parser = color)]
+    #[arg(long, value_name = "R,G,B", group = "any_sky", value_parser = color)]
     pub(crate) sky_color: Option<Vec3>,
     /// Number of directional lights that approximate the sky for methods that cannot use the sky itself.
     ///
     /// These are --gather fragment, clusters and brute force.
     #[arg(long, hide_short_help = true, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1024))]
     sky_lights: u32,
-    /// Multiply the radiance of the sky by this factor.
-    #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = super::positive)]
+    /// Multiply the radiance of --sky or --sky-color by this factor.
+    #[arg(long, value_name = "F", default_value_t = 1.0, requires = "any_sky", value_parser = super::positive)]
     pub(crate) sky_scale: f64,
-    /// Rotate the sky about +Y [degrees], counter-clockwise seen from above.
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = super::finite)]
+    /// Rotate --sky about +Y [degrees], counter-clockwise seen from above.
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, requires = "sky", value_parser = super::finite)]
     pub(crate) sky_rotate: f64,
     /// Radius of all lamps [m]; larger lamps cast softer shadows [default: extras.lightskin.radius of each lamp, or 0].
     #[arg(long, value_name = "M", value_parser = super::at_least_zero)]
