@@ -178,9 +178,10 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
         ("2", |point| cluster(point, 2.0)),
     ];
     let near_kinds: &[(&str, Turn)] = &[
-        ("8/2", |point| near(point, 8, 2)),
+        ("8/auto", |point| near(point, 8, 0)),
         ("off", |point| point.frame.near = Near::Off),
         ("8/1", |point| near(point, 8, 1)),
+        ("8/2", |point| near(point, 8, 2)),
         ("32/1", |point| near(point, 32, 1)),
     ];
     vec![
@@ -222,7 +223,7 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
         Knob::choices(
             "near",
             "short rays per pixel / distance between pixels with rays",
-            &near_kinds[..if quick { 2 } else { 4 }],
+            &near_kinds[..if quick { 2 } else { 5 }],
         ),
         Knob::choices(
             "cluster",
