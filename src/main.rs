@@ -18,7 +18,7 @@ fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            cli::tell(format_args!("{error:#}"));
+            cli::tell_line(format_args!("{error:#}"));
             ExitCode::FAILURE
         }
     }

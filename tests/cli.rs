@@ -318,6 +318,7 @@ fn bad_input_is_one_line_and_exit_code_1() {
     fails(&at, &["render", "dds.gltf"], 1, &["dds.gltf", "MSFT_texture_dds"]);
     fails(&at, &["render", "nothing.gltf"], 1, &["nothing.gltf", "no triangles"]);
     fails(&at, &["render", "folder"], 1, &["no .gltf or .glb"]);
+    fails(&at, &["info", "two\nlines.glb"], 1, &["two\u{fffd}lines.glb", "does not exist"]);
     fails(&at, &["render", ATRIUM, "--camera", "9"], 1, &["--camera 9", "'Hero'"]);
     fails(&at, &["render", ATRIUM, "--camera", "0,0,0;1,0,0;0,1,0"], 2, &["eye;target;up;fov"]);
     fails(&at, &["render", ATRIUM, "--caches", "-1"], 2, &["invalid value '-1' for '--caches <N>'"]);

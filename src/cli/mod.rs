@@ -37,7 +37,7 @@ mod words;
 
 #[cfg(feature = "app")]
 pub(crate) use output::recent;
-pub(crate) use output::tell;
+pub(crate) use output::tell_line;
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::error::ErrorKind;

@@ -45,8 +45,17 @@ pub(super) fn lost(error: Error) -> Result<()> {
 }
 
 /// Prints a message on standard error. Errors of standard error itself are ignored.
-pub(crate) fn tell(text: Arguments<'_>) {
+fn tell(text: Arguments<'_>) {
     let _ = writeln!(stderr().lock(), "lightskin: {}", plain(text));
+}
+
+/// Like `tell`, for messages of one line: file names can contain line breaks, too.
+pub(crate) fn tell_line(text: Arguments<'_>) {
+    tell(format_args!("{}", one_line(text)));
+}
+
+fn one_line(text: Arguments<'_>) -> String {
+    text.to_string().replace(['\n', '\t'], "\u{fffd}")
 }
 
 /// The latest log messages, oldest first.
@@ -87,7 +96,7 @@ impl log::Log for Log {
                 // rfd logs an error if the desktop has no file dialog. That is not an error of lightskin.
                 log::Level::Error if record.target().starts_with("rfd") => tell(*record.args()),
                 log::Level::Error => tell(format_args!("error: {}", record.args())),
-                log::Level::Warn => tell(*record.args()),
+                log::Level::Warn => tell_line(*record.args()),
                 level => {
                     let (at, level) = (START.elapsed().as_secs_f64(), level.as_str().to_lowercase());
                     tell(format_args!("[{at:.3} s, {level}] {}", record.args()));
@@ -119,5 +128,6 @@ mod tests {
     #[test]
     fn names_command_no_terminal() {
         assert_eq!(plain(format_args!("a\x1b[31m\u{9b}2J\rb\tc\nd")), "a\u{fffd}[31m\u{fffd}2J\u{fffd}b\tc\nd");
+        assert_eq!(one_line(format_args!("a\nb.glb: file: is empty")), "a\u{fffd}b.glb: file: is empty");
     }
 }
