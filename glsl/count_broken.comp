@@ -1,5 +1,5 @@
-// Debugging: counts impossible values in radiance, VALs, the caches' sums and proxies: NaN, infinite or negative. METHOD 4 rules them
-// out.
+// Debugging: counts impossible values in radiance, VALs, the caches' sums and proxies: NaN, infinite or negative. METHOD 4
+// rules them out.
 #include "shared.glsl"
 
 layout(local_size_x = 256) in;

@@ -118,8 +118,9 @@ impl SkyArgs {
         flag("--sky", sky.as_ref().map(|path| path.display().to_string()));
         flag("--sky-color", sky_color.map(color));
         flag("--sky-lights", (*sky_lights != 16).then(|| sky_lights.to_string()));
-        flag("--sky-scale", (*sky_scale != 1.0).then(|| sky_scale.to_string()));
-        flag("--sky-rotate", (*sky_rotate != 0.0).then(|| sky_rotate.to_string()));
+        let has_sky = sky.is_some() || sky_color.is_some();
+        flag("--sky-scale", (has_sky && *sky_scale != 1.0).then(|| sky_scale.to_string()));
+        flag("--sky-rotate", (sky.is_some() && *sky_rotate != 0.0).then(|| sky_rotate.to_string()));
         flag("--light-radius", light_radius.map(|radius| radius.to_string()));
         flag("--sun-angle", sun_angle.map(|angle| angle.to_string()));
         flag(

@@ -1,4 +1,5 @@
-//! Debugging: counts invalid values of radiances, VALs, the caches' sums and proxies on the device. By METHOD 4 there are none.
+//! Debugging: counts invalid values of radiances, VALs, the caches' sums and proxies on the device. By METHOD 4 there are
+//! none.
 //!
 //! The check is a separate submission after the frame. So it costs unchecked frames nothing and does not affect the
 //! stage times of checked ones.

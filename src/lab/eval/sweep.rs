@@ -255,11 +255,11 @@ mod tests {
             assert!(!sweep.points[..i].contains(point), "{point:?} comes twice");
         }
         // With and without shadows: 5 cache counts (four and the default) by 4 RSMs, and one alternative each of three
-        // other knobs. One further kind of shadows, with and without rays. Three variants of rays. Four cluster
+        // other knobs. One further kind of shadows, with and without rays. Four variants of rays. Four cluster
         // distances.
-        assert_eq!(sweep.points.len(), 2 * (5 * 4 + 3) + 2 + 3 + 4);
+        assert_eq!(sweep.points.len(), 2 * (5 * 4 + 3) + 2 + 4 + 4);
         let pictured = sweep.points.iter().filter(|point| sweep.is_pictured(point)).count();
-        assert_eq!(pictured, 2 * (1 + 4 + 3 + 3) + 2 + 3 + 4);
+        assert_eq!(pictured, 2 * (1 + 4 + 3 + 3) + 2 + 4 + 4);
         assert_eq!(sweep.rsm_sides(), [32, 64, 128, 256]);
     }
 
