@@ -8,12 +8,11 @@ use lightskin::frame::settings::Ways;
 use lightskin::frame::vals::Vals;
 use lightskin::frame::{LightShadows, Near, Shadows};
 use lightskin::lab::knobs::Knobs;
+use lightskin::lab::shot::gather_sums;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::scene::build::quad;
 use lightskin::scene::{LightKind, Material, Scene};
 use lightskin::shared;
-
-use lightskin::lab::shot::gather_sums;
 
 use crate::common::frames::{add, baked, camera, lamp, phong, shoot, small};
 use crate::common::{assert_clean, gpu};

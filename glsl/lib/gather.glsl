@@ -86,7 +86,8 @@ vec4 form_factors(Receiver c, FourVals v, vec4 x, vec4 y, vec4 z, vec4 d2) {
     return at_val * at_cache / q;
 }
 
-// Adds four VALs. The lobe is computed first, so that the sums fill its latency. `seen`: 1, or 0 if occluded. `far`: 1, or less if the diffuse lobe leaves a VAL to short rays.
+// Adds four VALs. The lobe is computed first, so that the sums fill its latency. `seen`: 1, or 0 if occluded. `far`: 1, or
+// less if the diffuse lobe leaves a VAL to short rays.
 void accumulate(inout GatherSums s,
 #ifdef TWO_EYES
                 inout GlossySums second,
