@@ -81,15 +81,19 @@ float sky_open(uvec3 at, vec3 w, vec3 direction, out vec3 radiance) {
 
 #if defined(LIT) || defined(SKY)
 // Radiance [cd/m^2] that a point reflects of the light its caches receive: of their bounced light if LIT, of the sky if
-// SKY.
-vec3 cache_radiance(Hit hit, HitSurface s, vec3 direction) {
+// SKY. With `first` one cache is enough, as for one of many rays that are averaged.
+vec3 cache_radiance(Hit hit, HitSurface s, vec3 direction, bool first) {
     uvec3 v = corners_hit(hit, direction) - hit_instances[hit.instance].drawn_vertex;
     vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
     vec3 shares;
     uvec3 at = caches_about(hit.instance, v, w, 1u, s.position, s.normal, push.cache_reach, shares);
+    if (at.x == NO_REFERENCES) {
+        return vec3(0.0);
+    }
+    shares = seen_weights(at, shares, s.position, s.geometric, push.seen_lift, push.root, first);
     vec3 sum = vec3(0.0);
     for (uint i = 0u; i < 3u; ++i) {
-        if (at[i] == NO_REFERENCES) {
+        if (shares[i] == 0.0) {
             continue;
         }
         vec3 own = vec3(0.0);
@@ -112,8 +116,8 @@ vec3 cache_radiance(Hit hit, HitSurface s, vec3 direction) {
 #endif
 
 // Radiance [cd/m^2] of the surface that a ray hits. `spread`: width of the ray's cone by distance; `number` selects the
-// light.
-vec3 met_radiance(Hit hit, vec3 start, vec3 direction, float spread, uint number) {
+// light; `first`: as above.
+vec3 met_radiance(Hit hit, vec3 start, vec3 direction, float spread, uint number, bool first) {
     HitSurface s = surface_at(hit, start, direction, spread);
     vec3 chance = fract(0.5 + float(number) * vec3(0.8191725134, 0.6710436067, 0.5497004779));
     vec3 sum = s.emission;
@@ -121,7 +125,7 @@ vec3 met_radiance(Hit hit, vec3 start, vec3 direction, float spread, uint number
         sum += reflected_direct(s, direction, push.light_count, push.first_sky_light, push.sky_light_count, push.root, chance);
     }
 #if defined(LIT) || defined(SKY)
-    sum += cache_radiance(hit, s, direction);
+    sum += cache_radiance(hit, s, direction, first);
 #endif
     return sum;
 }
@@ -258,7 +262,7 @@ void main() {
 #endif
         Hit hit = trace(start, direction, lift, reach, push.root, 0u, false);
         bool met = hit.triangle != NO_HIT;
-        vec3 arrives = met ? met_radiance(hit, start, direction, spread, number) : vec3(0.0);
+        vec3 arrives = met ? met_radiance(hit, start, direction, spread, number, reach == push.reach) : vec3(0.0);
         if (!by_lobe) {
             found.all += far;
             found.crowding += 1.0 / (float(RAYS) * max(met ? hit.distance : push.reach, 1e-30));

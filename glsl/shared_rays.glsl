@@ -158,6 +158,7 @@ struct TracePush {
     uint first_sky_light; // first light that stands for a sky; hit surfaces get that light from caches instead
     uint sky_light_count;
     uint every; // distance between pixels with rays, in columns and rows
+    float seen_lift; // of both ends of a ray between a hit and a cache [m]
 };
 
 // VALs per row of the dispatch that traces an area light's VALs.

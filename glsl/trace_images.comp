@@ -21,7 +21,7 @@ layout(constant_id = 5) const uint BY_CELLS = 0; // 1: references are stored per
 #define REFERENCE_BINDINGS 19
 #include "lib/hit_caches.glsl"
 
-// The cache of largest weight at a ray's hit, on the side that was hit: as in `Met`.
+// The cache of largest weight that a ray's hit sees, on the side that was hit: as in `Met`.
 uint met_cache(Hit hit, vec3 start, vec3 direction) {
     if (hit.triangle == NO_HIT) {
         return NO_REFERENCES;
@@ -30,9 +30,14 @@ uint met_cache(Hit hit, vec3 start, vec3 direction) {
     vec3 n = hit_geometric(hit, direction, front);
     uvec3 v = corners_hit(hit, direction) - hit_instances[hit.instance].drawn_vertex;
     vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
+    vec3 position = start + hit.distance * direction;
     vec3 shares;
-    uint cache = caches_about(hit.instance, v, w, 3u, start + hit.distance * direction, n, push.cache_reach, shares).x;
-    return cache != NO_REFERENCES && dot(caches[cache].normal, n) > 0.0 ? cache : UNKNOWN_CACHE;
+    uvec3 about = caches_about(hit.instance, v, w, 3u, position, n, push.cache_reach, shares);
+    if (about.x == NO_REFERENCES || dot(caches[about.x].normal, n) <= 0.0) {
+        return UNKNOWN_CACHE;
+    }
+    vec3 seen = seen_weights(about, shares, position, n, push.seen_lift, push.root, true);
+    return seen.x > 0.0 ? about.x : seen.y > 0.0 ? about.y : about.z;
 }
 #endif
 

@@ -78,4 +78,24 @@ uvec3 caches_about(uint instance, uvec3 v, vec3 w, uint corners, vec3 position, 
     return best;
 }
 
+// Weights of the caches that a point sees, which sum to 1; with `first`, of the one of largest weight. Both ends of the
+// way are lifted [m], so that small bends of one surface hide nothing. A point that sees no cache keeps the first: most
+// likely its own surface bends between them.
+vec3 seen_weights(uvec3 about, vec3 weights, vec3 position, vec3 geometric, float lift, uint root, bool first) {
+    vec3 start = position + lift * geometric;
+    vec3 seen = vec3(0.0);
+    for (uint i = 0u; i < 3u && weights[i] > 0.0; ++i) {
+        Cache cache = caches[about[i]];
+        vec3 way = cache.position + lift * cache.normal - start;
+        if (trace(start, way, 0.0, 1.0, root, 0u, true).triangle == NO_HIT) {
+            seen[i] = weights[i];
+            if (first) {
+                break;
+            }
+        }
+    }
+    float sum = seen.x + seen.y + seen.z;
+    return sum > 0.0 ? seen / sum : vec3(1.0, 0.0, 0.0);
+}
+
 #endif

@@ -5,7 +5,7 @@
 
 use super::atlas::Atlas;
 use super::live::Live;
-use super::near::CACHE_REACH;
+use super::near::{CACHE_REACH, SEEN_LIFT};
 use super::occlude::Bounds;
 use super::world::World;
 use crate::error::{Error, Result};
@@ -154,7 +154,8 @@ impl DepthImages {
         }
         cmd.bind(pipeline, &resources);
         let cache_reach = world.cells.as_ref().map_or(world.spacing(), |cells| cells.reach) as f32;
-        cmd.push(&TracePush { reach, cache_reach, root: rays.root, ..TracePush::default() });
+        let seen_lift = (SEEN_LIFT * world.spacing()) as f32;
+        cmd.push(&TracePush { reach, cache_reach, seen_lift, root: rays.root, ..TracePush::default() });
         cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
     }
 

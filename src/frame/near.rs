@@ -52,6 +52,9 @@ pub const CACHE_REACH: f64 = 0.5;
 /// Length of rays \[cache spacings\].
 pub const PIXEL_REACH: f64 = 1.0;
 
+/// Distance from their surfaces of both ends of a ray between a hit and a cache \[cache spacings\].
+pub const SEEN_LIFT: f64 = 0.01;
+
 /// Step sizes of the spreading passes \[traced pixels\]. Their number must be even.
 const SPREADS: [u32; 4] = [4, 8, 16, 32];
 
@@ -161,6 +164,7 @@ impl NearRays {
                 eye: view.eye,
                 cache_reach: world.cells.as_ref().map_or(world.spacing(), |cells| cells.reach) as f32,
                 reach: self.reach,
+                seen_lift: (SEEN_LIFT * world.spacing()) as f32,
                 root: rays.root,
                 width,
                 height,

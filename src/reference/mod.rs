@@ -25,6 +25,7 @@ pub mod form_factor;
 /// Proxy lights of one cache from VALs, stage 6.
 pub mod gather;
 pub mod hidden;
+pub mod hit_caches;
 /// Radiance at a point from the proxy lights of several caches, stage 8.
 pub mod interpolate;
 /// Punctual lights as KHR_lights_punctual defines them, stage 2.

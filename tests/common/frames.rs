@@ -1,12 +1,13 @@
 //! Small worlds, whole frames of them, and the device's intermediate results in the form that the references use.
 
 use glam::DVec3;
-use lightskin::bake::CacheSet;
+use lightskin::bake::{CacheSet, NO_CACHE};
 use lightskin::frame::depth_images::{DepthImages, SentOn};
 use lightskin::frame::gather::{Compute, Gather};
 use lightskin::frame::{View, World};
 use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Knobs};
+use lightskin::reference::world::Hit;
 use lightskin::scene::Scene;
 
 pub(crate) use lightskin::lab::shot::{PixelSurface, Shot, reflection, seen, sent_on, small, triangles};
@@ -46,6 +47,16 @@ pub(crate) fn drawn_of(gpu: &Gpu, scene: &Scene, world: &World, settings: &Knobs
     });
     assert_eq!(drawn.expect("drawn").problems, [""; 0]);
     frame
+}
+
+/// Caches that the corners of a triangle refer to, as indices into those of all instances.
+pub(crate) fn references_at(scene: &Scene, caches: &CacheSet, hit: &Hit) -> [Vec<usize>; 3] {
+    let of_instance = |instance: usize| &caches.models[caches.instance_model[instance]];
+    let first: usize = (0..hit.instance).map(|instance| of_instance(instance).caches.len()).sum();
+    let corners = scene.meshes[scene.instances[hit.instance].mesh].triangle(hit.triangle);
+    let each = 8;
+    let row = |corner: usize| &of_instance(hit.instance).references[each * corner..][..each];
+    corners.map(|corner| row(corner).iter().filter(|c| **c != NO_CACHE).map(|c| first + usize::from(*c)).collect())
 }
 
 /// The gather of a frame whose caches trace rays, and what these rays hit.
