@@ -85,7 +85,7 @@ fn what_has_too_many_texels_is_read_from_storage_buffers() {
     add(&mut scene, sphere(1.0, 106), phong([0.7; 3], [0.0; 3], 1.0), place);
     assert!(scene.triangle_count() * 3 > 65_536);
     // The depth images of these caches have more than 65 536 texels, and there are more VALs than that, too.
-    let caches = baked(&scene, 0.1, 8);
+    let caches = baked(&scene, 0.2, 8);
     let count = caches.models.iter().map(|model| model.caches.len()).sum::<usize>();
     assert!(count * 144 > 65_536, "{count} caches");
     let draw = |gpu: &Gpu| {

@@ -254,10 +254,10 @@ fn a_job_that_fails_changes_nothing() {
     assert!(before == shown(&gpu, &mut engine, &mut picture, size, &look));
 }
 
-/// Sizes from one pixel to 8K, then hundreds of small ones, then hundreds of settings. Descriptor sets, pools,
+/// Sizes from one pixel to 8K, then many small ones, then many settings. Descriptor sets, pools,
 /// pipelines and memory do not grow after the first round of each.
 #[test]
-fn hundreds_of_changes_leave_nothing_behind() {
+fn a_hundred_changes_leave_nothing_behind() {
     let gpu = gpu();
     let kinds = kinds();
     let mut engine = Engine::new(&gpu, loaded(&world(), 0.7), &kinds[1]).expect("made");
@@ -281,15 +281,15 @@ fn hundreds_of_changes_leave_nothing_behind() {
         gpu.counters()
     };
     let mut after_ten = None;
-    for i in 0..120_u32 {
+    for i in 0..60_u32 {
         look_at(&mut engine, &mut picture, [8 + i % 5, 8 + i % 3]);
         if i == 15 {
             after_ten = Some(held());
         }
     }
-    assert_eq!(Some(held()), after_ten, "after 120 sizes");
+    assert_eq!(Some(held()), after_ten, "after 60 sizes");
     let mut after_ten = None;
-    for i in 0..120_usize.next_multiple_of(kinds.len()) {
+    for i in 0..4 * kinds.len() {
         engine.set(&kinds[i % kinds.len()]);
         look_at(&mut engine, &mut picture, [8, 8]);
         if i + 1 == 2 * kinds.len() {
@@ -297,7 +297,7 @@ fn hundreds_of_changes_leave_nothing_behind() {
         }
     }
     // The last settings are of the same kinds as at the first measurement.
-    assert_eq!(Some(held()), after_ten, "after 120 settings");
+    assert_eq!(Some(held()), after_ten, "after four rounds of settings");
     assert_clean(&gpu);
 }
 
@@ -397,7 +397,7 @@ fn what_moves_makes_nothing_in_the_frame_loop() {
         (0..3).for_each(|_| frame(13));
         gpu.wait().expect("done");
         let before = gpu.counters();
-        for step in 0..20 {
+        for step in 0..8 {
             frame([8, 9][step % 2]);
             assert_eq!(gpu.counters(), before, "step {step}");
         }
