@@ -93,7 +93,7 @@ fn against_integral(material: &Material, eye: DVec3) -> [f64; 2] {
 #[test]
 fn gltf_materials_reflect_a_lamp_as_its_integral() {
     for metallic in [0.0, 1.0] {
-        for roughness in [0.15, 0.3, 0.5, 0.7, 1.0] {
+        for roughness in [0.15, 0.3, 0.5, 1.0] {
             let material =
                 Material { metallic, roughness, base_color: vec4(0.9, 0.6, 0.3, 1.0), ..Material::default() };
             // At cosines of about .9 and .3.
@@ -218,7 +218,7 @@ fn bars_close_to_a_lamp_take_their_share() {
     };
     let shot = shoot(&gpu(), &scene, Some(&baked(&scene, 0.2, 8)), &settings);
     let mut paths = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::engine(settings.size, 1));
-    (0..64).for_each(|_| paths.pass());
+    (0..32).for_each(|_| paths.pass());
     let shown: f64 = shot.diffuse.iter().map(|diffuse| diffuse.y).sum();
     let path: f64 = paths.diffuse().iter().map(|diffuse| f64::from(diffuse[1])).sum();
     println!("indirect light {:+.4} against paths", shown / path - 1.0);

@@ -65,7 +65,7 @@ fn grey_furnaces_reach_their_sums() {
     // them.
     for (albedo, bounces) in [(0.5, Some(12)), (0.5, None), (0.8, None), (0.95, None)] {
         let scene = furnace(glowing(albedo, 1.0));
-        let trace = traced(&scene, &PathTraceSettings { bounces, ..PathTraceSettings::of([16, 16]) }, 512);
+        let trace = traced(&scene, &PathTraceSettings { bounces, ..PathTraceSettings::of([16, 16]) }, 256);
         let radiance = (mean(&trace.direct()) + mean(&trace.diffuse())) * (1.0 - f64::from(albedo));
         println!("furnace of albedo {albedo}, {bounces:?} bounces: {radiance:.4} of the closed form");
         assert!((radiance - 1.0).abs() < 0.01, "{radiance} of 1 / (1 - {albedo})");
