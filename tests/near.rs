@@ -494,10 +494,7 @@ fn every_way_is_clean() {
         let cells = vertices.clone().with_cells(&scene).expect("cells");
         let many = if surface == CornellSurface::Diffuse { [1, 3] } else { [3, 1] };
         for (caches, bounces) in [&vertices, &cells].into_iter().zip(many) {
-            // Every pair of surface, caches and shadows.
-            let left_out =
-                if (surface == CornellSurface::Diffuse) == (bounces == 1) { Shadows::Proxy } else { Shadows::Off };
-            for shadows in [Shadows::Off, Shadows::Proxy, Shadows::PerLight].into_iter().filter(|s| *s != left_out) {
+            for shadows in [Shadows::Off, Shadows::Proxy, Shadows::PerLight] {
                 let every = [(RAYS, Antialiasing::Four), (Quality::Reference.near(), Antialiasing::Off)];
                 // The reference's own shaders depend only on materials and caches: one mode of shadows tests them.
                 let few = if shadows == Shadows::PerLight { 2 } else { 1 };
