@@ -471,9 +471,7 @@ fn a_sealed_room_stays_dark() {
     let settings = BakeSettings { density: Density::Count(1000), angle: 30f32.to_radians(), references: 8 };
     for (name, scene) in measured().into_iter().filter(|(name, _)| name.starts_with("dark")) {
         let caches = bake(&scene, &settings, &|_, _| ()).expect("baked");
-        // With one bounce the rooms that share a wall leak more than the others.
-        let few = usize::from(name.ends_with("separate"));
-        for (bounces, limit) in [(1, 0.006), (4, 0.007)].into_iter().skip(few) {
+        for (bounces, limit) in [(1, 0.006), (4, 0.007)] {
             let knobs = Knobs { bounces, ..near([64, 36]) };
             let [dark, lit] = [0, 1].map(|camera| {
                 let seen = Scene { cameras: vec![scene.cameras[camera].clone()], ..scene.clone() };
