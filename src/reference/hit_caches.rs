@@ -4,9 +4,9 @@ use super::gather::Cache;
 use super::interpolate::{Scheme, kernel};
 use super::world::{Surface, World};
 
-/// What a point knows of the caches around it.
+/// The caches, and what stands between them and a point.
 pub struct Around<'a> {
-    /// The scene that stands between the point and the caches.
+    /// The scene.
     pub world: &'a World<'a>,
     /// All caches.
     pub caches: &'a [Cache],

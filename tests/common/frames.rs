@@ -53,10 +53,12 @@ pub(crate) fn drawn_of(gpu: &Gpu, scene: &Scene, world: &World, settings: &Knobs
 pub(crate) fn references_at(scene: &Scene, caches: &CacheSet, hit: &Hit) -> [Vec<usize>; 3] {
     let of_instance = |instance: usize| &caches.models[caches.instance_model[instance]];
     let first: usize = (0..hit.instance).map(|instance| of_instance(instance).caches.len()).sum();
-    let corners = scene.meshes[scene.instances[hit.instance].mesh].triangle(hit.triangle);
-    let each = 8;
-    let row = |corner: usize| &of_instance(hit.instance).references[each * corner..][..each];
-    corners.map(|corner| row(corner).iter().filter(|c| **c != NO_CACHE).map(|c| first + usize::from(*c)).collect())
+    let mesh = &scene.meshes[scene.instances[hit.instance].mesh];
+    let references = &of_instance(hit.instance).references;
+    let each = references.len() / mesh.vertices.len();
+    let row = |corner: usize| &references[each * corner..][..each];
+    mesh.triangle(hit.triangle)
+        .map(|corner| row(corner).iter().filter(|c| **c != NO_CACHE).map(|c| first + usize::from(*c)).collect())
 }
 
 /// The gather of a frame whose caches trace rays, and what these rays hit.
