@@ -47,9 +47,10 @@ layout(binding = NEXT_BINDING, scalar) readonly buffer CacheVals { Val cache_val
 #ifdef SKY
 layout(binding = SKY_FIRST, scalar) readonly buffer Seen { SkySeen seen[]; }; // per cache
 layout(binding = SKY_FIRST + 1, scalar) readonly buffer Open { uint open_parts[]; }; // open quarters, 8 bits each
-layout(binding = SKY_FIRST + 2, scalar) readonly buffer SkyDirections { vec3 sky_directions[]; }; // radiance [cd/m^2]
+#define SKY_BINDING SKY_FIRST + 2
+#include "lib/sky.glsl"
 #ifdef LIT
-layout(binding = SKY_FIRST + 3, scalar) readonly buffer Albedos { vec3 albedos[]; }; // of the caches
+layout(binding = SKY_FIRST + 4, scalar) readonly buffer Albedos { vec3 albedos[]; }; // of the caches
 #endif
 #endif
 
@@ -64,10 +65,13 @@ vec3 far_radiance(uvec3 at, vec3 w, vec3 direction) {
 }
 
 #ifdef SKY
-// Share of a direction that is open to the sky, by the caches `at` with weights `w`, and the sky's radiance [cd/m^2].
-float sky_open(uvec3 at, vec3 w, vec3 direction, out vec3 radiance) {
+// Share of a direction that is open to the sky, by the caches `at` with weights `w`. Without caches nothing is known: a
+// half.
+float sky_open(uvec3 at, vec3 w, vec3 direction) {
     uint index = direction_index(direction);
-    radiance = sky_directions[index];
+    if (at.x == NO_REFERENCES) {
+        return 0.5;
+    }
     float sum = 0.0;
     for (uint i = 0u; i < 3u; ++i) {
         if (at[i] != NO_REFERENCES) {
@@ -158,7 +162,7 @@ void main() {
     ivec2 pixel = min(ivec2(at * push.every), size - 1);
     uvec2 element = texelFetch(element_image, pixel, 0).xy;
     NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), 0u, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0,
-                                 vec3(0.0), 0.0, 0.0, 0.0, vec2(0.0));
+                                 vec3(0.0), 0.0, vec3(0.0), vec3(0.0), vec2(0.0));
     if (element.x == 0u) {
         near_pixels[at.y * push.width + at.x] = found;
         return;
@@ -204,6 +208,10 @@ void main() {
 #endif
     const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
     found.open = 0.0;
+#ifdef SKY
+    // The sky's radiance is a weight, so it is slightly above 0 everywhere.
+    float least_sky = 1e-4 / PI * dot(sky_at(SKY_IRRADIANCE, n), LUMINANCE);
+#endif
 #ifdef GLOSSY
     bool endless = narrow > 0.0;
     // Twice the distance between traced pixels on a plane that faces the eye [m].
@@ -256,12 +264,17 @@ void main() {
         float above = dot(direction, geometric);
         direction -= above < 0.0 ? 2.0 * above * geometric : vec3(0.0);
 #ifdef SKY
-        vec3 radiance;
-        float open = sky_open(around, shares, direction, radiance);
+        float open = sky_open(around, shares, direction);
+        // Where caches call a direction partly open, the ray goes on and decides.
+        bool decides = abs(open - 0.5) < 0.4999;
+        Hit hit = trace(start, direction, lift, decides ? 3e38 : reach, push.root, 0u, false);
+        open = !decides ? open : hit.triangle == NO_HIT ? 1.0 : 0.0;
+        vec3 radiance = sky_at(SKY_OF_CACHES, direction) + least_sky;
         float sky_luminance = dot(radiance, LUMINANCE);
-#endif
+#else
         Hit hit = trace(start, direction, lift, reach, push.root, 0u, false);
-        bool met = hit.triangle != NO_HIT;
+#endif
+        bool met = hit.triangle != NO_HIT && hit.distance < reach;
         vec3 arrives = met ? met_radiance(hit, start, direction, spread, number, reach == push.reach) : vec3(0.0);
         if (!by_lobe) {
             found.all += far;
@@ -270,8 +283,10 @@ void main() {
             found.open += met ? 0.0 : 1.0 / float(RAYS);
             found.irradiance += arrives;
 #ifdef SKY
-            found.all_sky += open * sky_luminance;
-            found.open_sky += met ? 0.0 : open * sky_luminance;
+            found.all_sky += radiance;
+            bool hides = hit.triangle != NO_HIT;
+            found.hidden_sky += hides ? sky_luminance * vec2(1.0, 1.0 / max(hit.distance, 1e-30)) : vec2(0.0);
+            found.open_sky += met ? vec3(0.0) : open * radiance;
 #endif
         }
 #ifdef GLOSSY

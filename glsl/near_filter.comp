@@ -20,7 +20,7 @@ NearPixel near_pixel(ivec2 at) {
     if (AS_TEXELS == 0u) {
         return near_pixels[index];
     }
-    index *= 8;
+    index *= 9;
     vec4 a = texelFetch(near_pixel_texels, index);
     vec4 b = texelFetch(near_pixel_texels, index + 1);
     vec4 c = texelFetch(near_pixel_texels, index + 2);
@@ -29,8 +29,9 @@ NearPixel near_pixel(ivec2 at) {
     vec4 f = texelFetch(near_pixel_texels, index + 5);
     vec4 g = texelFetch(near_pixel_texels, index + 6);
     vec4 h = texelFetch(near_pixel_texels, index + 7);
+    vec4 i = texelFetch(near_pixel_texels, index + 8);
     return NearPixel(a.xyz, a.w, b.xyz, floatBitsToUint(b.w), c.xyz, c.w, d.xyz, d.w, e.xyz, e.w, f.xyz, f.w, g.xyz, g.w,
-                     h.x, h.y, h.zw);
+                     h.xyz, vec3(h.w, i.xy), i.zw);
 }
 
 // Weight of a pixel of the window.
@@ -53,7 +54,7 @@ void main() {
     uint index = uint(at.y) * push.width + uint(at.x);
     NearPixel own = near_pixel(at);
     NearLight sum = NearLight(vec3(0.0), own.is_surface, vec3(0.0), 0.0, vec3(0.0), 0.0, own.position, 0.0, own.normal, 0.0,
-                              vec3(0.0), 0.0);
+                              vec3(0.0), vec3(0.0), 0.0, 0.0);
     if (own.is_surface == 0u) {
         near_lights[index] = sum;
         return;
@@ -61,7 +62,9 @@ void main() {
     vec3 far = vec3(0.0);
     vec3 all = vec3(0.0);
     float open = 0.0;
-    vec2 sky = vec2(0.0);
+    vec3 open_sky = vec3(0.0);
+    vec3 all_sky = vec3(0.0);
+    vec2 hidden_sky = vec2(0.0);
     float weights = 0.0;
 #ifdef GLOSSY
     float nearness = 0.0;
@@ -83,7 +86,9 @@ void main() {
         far += weight * p.far;
         all += weight * p.all;
         open += weight * p.open;
-        sky += weight * vec2(p.open_sky, p.all_sky);
+        open_sky += weight * p.open_sky;
+        all_sky += weight * p.all_sky;
+        hidden_sky += weight * p.hidden_sky;
 #ifdef GLOSSY
         weight = p.width > 0.0 ? weight : 0.0;
         nearness += weight * p.nearness;
@@ -94,7 +99,8 @@ void main() {
     sum.crowding /= weights;
     // If the nearest caches have no light, assume that light comes equally from all directions.
     sum.open = mix(vec3(open / weights), far / max(all, 1e-37), greaterThan(all, vec3(0.0)));
-    sum.open_sky = sky.y > 0.0 ? sky.x / sky.y : open / weights;
+    sum.open_sky = mix(vec3(open / weights), open_sky / max(all_sky, 1e-37), greaterThan(all_sky, vec3(0.0)));
+    sum.sky_crowding = hidden_sky.y / max(hidden_sky.x, 1e-37);
 #ifdef GLOSSY
     // Each pixel has one direction of the lobe. Directions are combined if both lobes mirror the same place.
     nearness /= max(with_lobes, 1e-30);

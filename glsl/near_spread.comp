@@ -23,6 +23,7 @@ void main() {
     NearLight sum = own;
     if (own.is_surface != 0u) {
         float weights = 1.0;
+        float sky_weights = 1.0;
 #ifdef GLOSSY
         float lobe_weights = 1.0;
 #endif
@@ -50,15 +51,18 @@ void main() {
             sum.glossy += lobe_share * p.glossy;
             sum.sky += lobe_share * p.sky;
 #endif
+            float sky_crowding = max(own.sky_crowding, p.sky_crowding);
+            float sky_share = share * exp(-NEAR_SPREAD * dot(d, d) * sky_crowding * sky_crowding);
+            sky_weights += sky_share;
+            sum.open_sky += sky_share * p.open_sky;
             share *= exp(-NEAR_SPREAD * dot(d, d) * crowding * crowding);
             weights += share;
             sum.irradiance += share * p.irradiance;
             sum.open += share * p.open;
-            sum.open_sky += share * p.open_sky;
         }
         sum.irradiance /= weights;
         sum.open /= weights;
-        sum.open_sky /= weights;
+        sum.open_sky /= sky_weights;
 #ifdef GLOSSY
         sum.glossy /= lobe_weights;
         sum.sky /= lobe_weights;

@@ -102,9 +102,9 @@ struct NearPixel {
     float sky; // luminance of the sky that the lobe receives [cd/m^2]
     vec3 mirrored; // unit axis of the lobe
     float sky_all; // as `sky`, without occlusion
-    float open_sky; // sum of the sky's luminance along the rays that hit nothing [cd/m^2]
-    float all_sky; // as `open_sky`, along all rays
-    vec2 unused; // fills a texel
+    vec3 open_sky; // sum of the sky's radiance along the rays that reach it [cd/m^2]
+    vec3 all_sky; // as `open_sky`, along all rays
+    vec2 hidden_sky; // luminance of the sky behind surfaces hit [cd/m^2], and its sum over their distance [cd/m^3]
 };
 
 // Spreading weight of diffuse results: e^-1 at 1 / sqrt of this, in units of the distance of the surfaces hit.
@@ -133,7 +133,9 @@ struct NearLight {
     vec3 normal; // unit vertex normal
     float crowding; // as in NearPixel
     vec3 mirrored; // unit axis of the lobe
-    float open_sky; // share of the sky's light along the rays that hit nothing
+    vec3 open_sky; // share of the sky's light along the rays that reach it
+    float sky_crowding; // mean reciprocal distance of what hides the sky [1/m]
+    float unused; // fills a texel
 };
 
 // Where to find the caches of a surface that a ray hits.

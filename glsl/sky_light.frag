@@ -1,12 +1,10 @@
 // Stage 8, last: adds the light of the sky at each pixel to direct light: the unoccluded light by the pixel's normal,
-// times the share that the caches around see. METHOD 12.
+// times the share that reaches the pixel: by its short rays, or as the caches around see it. METHOD 12.
 // variant sky_light_cells.frag: BY_CELLS (at the level of pixels)
 // variant sky_light_near.frag: NEAR (with short rays)
-// variant sky_light_near_cells.frag: NEAR BY_CELLS (both)
 // variant sky_light_coat.frag: COAT (where a material has a clear coat: METHOD 16)
 // variant sky_light_cells_coat.frag: BY_CELLS COAT (likewise)
 // variant sky_light_near_coat.frag: NEAR COAT (likewise)
-// variant sky_light_near_cells_coat.frag: NEAR BY_CELLS COAT (likewise)
 #include "shared.glsl"
 
 layout(constant_id = 0) const uint GLOSSY = 1;
@@ -24,6 +22,10 @@ layout(push_constant, scalar) uniform Push { InterpolatePush push; };
 #include "lib/references.glsl"
 #include "lib/sky_seen.glsl"
 layout(binding = 8, scalar) readonly buffer Seen { SkySeen seen[]; }; // per cache
+#elif defined(NEAR)
+layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
+layout(binding = 4, scalar) readonly buffer Instances { Instance instances[]; };
+layout(binding = 5, scalar) readonly buffer Corners { Corner corners[]; };
 #else
 layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
 layout(binding = 4, scalar) readonly buffer Slots { uint slots[]; };
@@ -65,6 +67,18 @@ vec3 seen_here(DrawRecord draw, uint first_index, out vec3 position) {
     }
     return sum.weight > 0.0 ? sum.seen / sum.weight : vec3(1.0);
 }
+#elif defined(NEAR)
+// Position of the pixel's surface.
+vec3 position_here(DrawRecord draw, uint first_index) {
+    mat3 place;
+    vec4 clip[3];
+    for (uint i = 0u; i < 3u; ++i) {
+        vec3 corner = corners[draw.first_vertex + indices[first_index + i]].position;
+        place[i] = (instances[draw.instance].world_from_model * vec4(corner, 1.0)).xyz;
+        clip[i] = push.clip_from_world * vec4(place[i], 1.0);
+    }
+    return place * weights_here(clip[0], clip[1], clip[2]);
+}
 #else
 // Visible share of the sky's light from the triangle's corners, and the position of the pixel's surface.
 vec3 seen_here(DrawRecord draw, uint first_index, out vec3 position) {
@@ -97,22 +111,22 @@ void main() {
         return;
     }
     DrawRecord draw = draws[element.x - 1u];
+    uint first_index = draw.first_index + 3u * element.y;
+#ifdef NEAR
+    vec3 position = position_here(draw, first_index);
+#else
     vec3 position = vec3(0.0);
-    vec3 seen = vec3(1.0);
-    if (draw.reference_base != NO_REFERENCES) {
-        seen = seen_here(draw, draw.first_index + 3u * element.y, position);
-    }
+    vec3 seen = draw.reference_base == NO_REFERENCES ? vec3(1.0) : seen_here(draw, first_index, position);
+#endif
     vec4 normal_coded = texelFetch(normal_image, pixel, 0);
     vec3 n = normal_coded.xyz;
     vec4 albedo = texelFetch(albedo_image, pixel, 0);
     vec4 specular = texelFetch(specular_image, pixel, 0);
-    vec3 e = sky_at(SKY_IRRADIANCE, n) * seen;
 #ifdef NEAR
-    vec3 geometric = octahedral_decode(vec2(albedo.a, specular.a));
-    Near near = near_of(pixel, position, geometric);
-    e *= near.open_sky;
+    Near near = near_of(pixel, position, octahedral_decode(vec2(albedo.a, specular.a)));
+    vec3 seen = near.open_sky;
 #endif
-    vec3 radiance = albedo.rgb / PI * e;
+    vec3 radiance = albedo.rgb / PI * seen * sky_at(SKY_IRRADIANCE, n);
     if (GLOSSY != 0u && specular.rgb != vec3(0.0)) {
         vec3 looking = view_direction(push.eye, position);
         vec3 axis = lobe_axis(normal_coded.w, n, looking);
@@ -128,17 +142,12 @@ void main() {
 #ifdef COAT
     Coat coat = unpack_coat(texelFetch(coat_image, pixel, 0));
     if (coat.share > 0.0) {
-        // Occlusion of a coat is known only from caches and, for light as a whole, from short rays.
+        // Occlusion of a coat is known only for light as a whole.
         vec3 looking = view_direction(push.eye, position);
         vec3 axis = lobe_axis(coded_coat(coat), coat.normal, looking);
         float cosine = dot(coat.normal, axis);
         PhongLobe lobe = fitted_about(vec3(COAT_F0), coded_coat(coat), -dot(coat.normal, looking), cosine, 1e9);
-#ifdef NEAR
-        vec3 open = seen * near.open_sky;
-#else
-        vec3 open = seen;
-#endif
-        float luminance = dot(open, vec3(0.2126, 0.7152, 0.0722));
+        float luminance = dot(seen, vec3(0.2126, 0.7152, 0.0722));
         float share = lobe_seen(luminance, max(-dot(looking, coat.normal), 0.0), lobe.exponent);
         share *= coat.share * phong_albedo(lobe.exponent, cosine);
         radiance += lobe.albedo * share * sky_lobe(axis, lobe.exponent);

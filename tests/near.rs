@@ -1,7 +1,7 @@
 //! Short rays at pixels: they agree with f64 rays, they bring pictures closer to the path tracer's, and no combination
 //! of settings gives stale or broken results.
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine3, DVec2, DVec3, Vec3};
 use lightskin::bake::{BakeSettings, CacheSet, Density, bake};
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::near::{CACHE_REACH, SEEN_LIFT};
@@ -236,7 +236,9 @@ fn neighbours_share_their_rays() {
     let taken = |index: usize| {
         let own = pixels[index];
         let (mut sum, mut weights, mut far, mut all) = (DVec3::ZERO, 0.0, DVec3::ZERO, DVec3::ZERO);
-        let (mut crowding, mut open_sky, mut all_sky, mut open) = (0.0, 0.0, 0.0, 0.0);
+        let (mut crowding, mut open) = (0.0, 0.0);
+        let [mut open_sky, mut all_sky] = [DVec3::ZERO; 2];
+        let mut hidden_sky = DVec2::ZERO;
         for (i, j) in (-2..=2_isize).flat_map(|j| (-2..=2_isize).map(move |i| (i, j))) {
             let x = (index % width).checked_add_signed(i).filter(|x| *x < width);
             let y = (index / width).checked_add_signed(j).filter(|y| *y < height);
@@ -247,8 +249,9 @@ fn neighbours_share_their_rays() {
             far += w * { p.far }.as_dvec3();
             all += w * { p.all }.as_dvec3();
             crowding += w * f64::from(p.crowding);
-            open_sky += w * f64::from(p.open_sky);
-            all_sky += w * f64::from(p.all_sky);
+            open_sky += w * { p.open_sky }.as_dvec3();
+            hidden_sky += w * { p.hidden_sky }.as_dvec2();
+            all_sky += w * { p.all_sky }.as_dvec3();
             open += w * f64::from(p.open);
             weights += w;
         }
@@ -256,7 +259,8 @@ fn neighbours_share_their_rays() {
             irradiance: sum / weights,
             open: far / all,
             // Where no sky is known, it is as open as directions are on average.
-            open_sky: if all_sky > 0.0 { open_sky / all_sky } else { open / weights },
+            open_sky: if all_sky.min_element() > 0.0 { open_sky / all_sky } else { DVec3::splat(open / weights) },
+            sky_crowding: hidden_sky.y / hidden_sky.x.max(1e-37),
             crowding: crowding / weights,
             position: { own.position }.as_dvec3(),
             normal: { own.normal }.as_dvec3(),
@@ -270,8 +274,8 @@ fn neighbours_share_their_rays() {
         let (irradiance, open) = ({ light.irradiance }.as_dvec3(), { light.open }.as_dvec3());
         let off = (irradiance - wanted.irradiance).length() / (wanted.irradiance.length() + 1e-6);
         most = most.max(off).max((open - wanted.open).abs().max_element());
-        most = most.max((f64::from(light.open_sky) - wanted.open_sky).abs());
-        apart = apart.max((wanted.open_sky - wanted.open.y).abs());
+        most = most.max(({ light.open_sky }.as_dvec3() - wanted.open_sky).abs().max_element());
+        apart = apart.max((wanted.open_sky - wanted.open).abs().max_element());
         let before = once[i].expect("a surface");
         moved = moved.max((before.irradiance - wanted.irradiance).length() / (wanted.irradiance.length() + 1e-6));
         shown += 1;

@@ -13,7 +13,7 @@ struct Near {
     vec3 open; // share of the caches' light along rays that hit nothing
     vec3 glossy; // mean radiance over a lobe, from the surfaces hit and the caches [cd/m^2]
     float sky; // share of the sky's light that reaches a lobe
-    float open_sky; // share of the sky's light along rays that hit nothing
+    vec3 open_sky; // share of the sky's light along rays that reach it
 };
 
 // Weighted sum over pixels with rays.
@@ -40,7 +40,7 @@ void take_near(inout NearSum sum, ivec2 at, float share, vec3 position, vec3 geo
 // Result at a pixel, from its surface's position and the unit normal of its triangle. Pixels on other surfaces hardly
 // count.
 Near near_of(ivec2 pixel, vec3 position, vec3 geometric) {
-    NearSum sum = NearSum(Near(vec3(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0), 0.0);
+    NearSum sum = NearSum(Near(vec3(0.0), vec3(0.0), vec3(0.0), 0.0, vec3(0.0)), 0.0);
     ivec2 last = ivec2(push.width, push.height) - 1;
     int every = int(push.every);
     ivec2 first = pixel / every;
@@ -60,7 +60,7 @@ Near near_of(ivec2 pixel, vec3 position, vec3 geometric) {
         }
     }
     if (sum.weights == 0.0) {
-        return Near(vec3(0.0), vec3(1.0), vec3(0.0), 1.0, 1.0);
+        return Near(vec3(0.0), vec3(1.0), vec3(0.0), 1.0, vec3(1.0));
     }
     Near near = sum.near;
     return Near(near.irradiance / sum.weights, near.open / sum.weights, near.glossy / sum.weights, near.sky / sum.weights,

@@ -12,14 +12,16 @@ NearLight near_light(uint at) {
     if (NEAR_TEXELS == 0u) {
         return near_lights[at];
     }
-    int first = int(6u * at);
+    int first = int(7u * at);
     vec4 a = texelFetch(near_light_texels, first);
     vec4 b = texelFetch(near_light_texels, first + 1);
     vec4 c = texelFetch(near_light_texels, first + 2);
     vec4 d = texelFetch(near_light_texels, first + 3);
     vec4 e = texelFetch(near_light_texels, first + 4);
     vec4 f = texelFetch(near_light_texels, first + 5);
-    return NearLight(a.xyz, floatBitsToUint(a.w), b.xyz, b.w, c.xyz, c.w, d.xyz, d.w, e.xyz, e.w, f.xyz, f.w);
+    vec4 g = texelFetch(near_light_texels, first + 6);
+    return NearLight(a.xyz, floatBitsToUint(a.w), b.xyz, b.w, c.xyz, c.w, d.xyz, d.w, e.xyz, e.w, f.xyz, vec3(f.w, g.xy),
+                     g.z, g.w);
 }
 
 #endif

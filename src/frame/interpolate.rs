@@ -81,7 +81,7 @@ impl Interpolate {
         // With cells, every pixel reads this many references. Otherwise the vertices have done so.
         let (of_pixels, references) = (world.references_of_pixels(), world.references_each as u32);
         let constants = [references, u32::from(plan.lobes), printed];
-        let average = if plan.sky_light { "average_sky.comp" } else { "average.comp" };
+        let average = if plan.sky_at_vertices() { "average_sky.comp" } else { "average.comp" };
         Ok(Self {
             average: of_pixels.is_none().then(|| gpu.compute(average, &constants)).transpose()?,
             shade: gpu.raster(&Raster {
@@ -127,7 +127,9 @@ impl Interpolate {
                 let mut resources = lists.map(Bind::from).to_vec();
                 resources.extend([&world.instances, &world.corners, &atlas.caches, &proxies.buffer].map(Bind::from));
                 resources.push((&visible.lights).into());
-                resources.extend(seen.into_iter().chain(&visible.sky_lights).map(Bind::from));
+                resources.extend(
+                    seen.zip(visible.sky_lights.as_ref()).into_iter().flat_map(|(a, b)| [a, b].map(Bind::from)),
+                );
                 cmd.bind(average, &resources);
                 cmd.push(&AveragePush { eye: view.eye, first_proxy });
                 cmd.dispatch_indirect(&visible.args, std::mem::offset_of!(VisibleArgs, groups_x) as u64);

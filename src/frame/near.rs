@@ -82,7 +82,7 @@ const SHADERS: [&str; 8] = [
 ];
 
 // Shaders also read them as whole texels.
-const _: () = assert!(size_of::<NearPixel>() == 8 * 16 && size_of::<NearLight>() == 6 * 16);
+const _: () = assert!(size_of::<NearPixel>() == 9 * 16 && size_of::<NearLight>() == 7 * 16);
 
 /// Specialization constant of shaders that read results of rays, of pictures of any size: 1 to read them as texels.
 pub(super) fn as_texels(gpu: &Device) -> u32 {
@@ -153,7 +153,7 @@ impl NearRays {
             resources.extend([&surface.normal, &surface.specular].map(Bind::from).iter().filter(|_| self.glossy));
             resources.extend(lit.map(Bind::from));
             if let (Some([seen, open]), Some(sky)) = (sky, &world.sky_light) {
-                resources.extend([seen, open, &sky.directions].map(Bind::from));
+                resources.extend([seen, open, &sky.texels, &sky.levels].map(Bind::from));
                 resources.extend(world.cache_albedos().filter(|_| lit.is_some()).map(Bind::from));
             }
             cmd.bind(&self.trace, &resources);

@@ -224,6 +224,11 @@ impl Plan {
         self.near != Near::Off || self.sky_light || self.light_rays
     }
 
+    /// Whether vertices average the share of the sky that caches see. With short rays, pixels know it better.
+    pub fn sky_at_vertices(&self) -> bool {
+        self.sky_light && self.near == Near::Off
+    }
+
     /// Whether pixels store which triangle they show.
     pub(super) fn elements(&self) -> bool {
         self.lightskin || self.inside

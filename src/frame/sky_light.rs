@@ -1,4 +1,5 @@
-//! Stage 8, last part: adds the sky's light to the visible surfaces, using the shares of the sky that caches see.
+//! Stage 8, last part: adds the sky's light to the visible surfaces, by the share that short rays find at pixels, or
+//! that caches see.
 //! METHOD 12.
 
 use super::atlas::Atlas;
@@ -31,15 +32,13 @@ impl SkyShading {
         }
         let by_cells = world.references_of_pixels().is_some();
         let constants = [u32::from(plan.glossy), world.references_each as u32, near::as_texels(gpu)];
-        let fragment = match (by_cells, plan.near, plan.coated) {
-            (false, Near::Off, false) => "sky_light.frag",
-            (true, Near::Off, false) => "sky_light_cells.frag",
+        let fragment = match (plan.near == Near::Off, by_cells, plan.coated) {
+            (true, false, false) => "sky_light.frag",
+            (true, true, false) => "sky_light_cells.frag",
             (false, _, false) => "sky_light_near.frag",
-            (true, _, false) => "sky_light_near_cells.frag",
-            (false, Near::Off, true) => "sky_light_coat.frag",
-            (true, Near::Off, true) => "sky_light_cells_coat.frag",
+            (true, false, true) => "sky_light_coat.frag",
+            (true, true, true) => "sky_light_cells_coat.frag",
             (false, _, true) => "sky_light_near_coat.frag",
-            (true, _, true) => "sky_light_near_cells_coat.frag",
         };
         let constants = &constants[..if plan.near == Near::Off { 2 } else { 3 }];
         let shade = Surface::adding(gpu, fragment, constants)?;
@@ -57,15 +56,17 @@ impl SkyShading {
     ) {
         cmd.barrier(Use::ColorWrite, Use::ColorWrite); // direct light -> here
         for Shaded { view, surface, visible, near, first_proxy, .. } in views {
-            let (Some(element), Some(of_vertices)) = (&surface.element, &visible.sky_lights) else { continue };
-            let draws = &world.draw_records;
-            let mut resources = vec![Bind::from(element), draws.into()];
-            if self.by_cells {
+            let Some(element) = &surface.element else { continue };
+            let mut resources = vec![Bind::from(element), (&world.draw_records).into()];
+            if near.is_some() {
+                resources.extend([world.indices(), &world.instances, &world.corners].map(Bind::from));
+            } else if self.by_cells {
                 let of_cells = [&world.references, world.indices(), &world.instances, &world.corners];
                 resources.extend(of_cells.map(Bind::from));
                 resources.extend([&visible.slots, &atlas.caches, seen].map(Bind::from));
             } else {
-                resources.extend([world.indices(), &visible.slots, &visible.lights, of_vertices].map(Bind::from));
+                resources.extend([world.indices(), &visible.slots, &visible.lights].map(Bind::from));
+                resources.extend(visible.sky_lights.as_ref().map(Bind::from));
             }
             resources.extend([&surface.normal, &surface.albedo, &surface.specular].map(Bind::from));
             resources.extend(near.into_iter().flat_map(NearPixels::binds));

@@ -20,7 +20,7 @@ pub struct VisibleList {
     pub list: Buffer,
     /// Averaged lights of vertices.
     pub lights: Buffer,
-    /// Share of the sky's light at vertices; only where caches see it.
+    /// Share of the sky's light at vertices; only where caches see it, without short rays and without cells.
     pub sky_lights: Option<Buffer>,
     /// Irradiance from below at vertices; only with translucent bodies, and without cells.
     pub below: Option<Buffer>,
@@ -48,9 +48,8 @@ impl VisibleList {
             slots: gpu.buffer("visible.slots", 4 * if by_cells { pixels } else { all })?,
             list: gpu.buffer("visible.list", most * size_of::<VisibleVertex>() as u64)?,
             lights: gpu.buffer("visible.lights", if by_cells { 1 } else { most } * size_of::<VertexLight>() as u64)?,
-            sky_lights: plan
-                .sky_light
-                .then(|| gpu.buffer("visible.sky_lights", if by_cells { 1 } else { most } * size_of::<Vec3>() as u64))
+            sky_lights: (plan.sky_at_vertices() && !by_cells)
+                .then(|| gpu.buffer("visible.sky_lights", most * size_of::<Vec3>() as u64))
                 .transpose()?,
             below: (plan.inside && !by_cells)
                 .then(|| gpu.buffer("visible.below", most * size_of::<Vec3>() as u64))

@@ -5,9 +5,9 @@ use super::brdf::Lobe;
 use super::depth_image::tangents;
 use super::light::facing_irradiance;
 use super::world::{Sides, Surface, World};
-use crate::scene::{Light, LightKind, material};
+use crate::scene::{Light, LightKind, luminance, material};
 use crate::shared::{DIRECTION_SIDE, DIRECTIONS, Val};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
 /// Point `i` of `count` directions about +z with cosine density.
@@ -105,27 +105,34 @@ pub fn reflected_direct(world: &World<'_>, surface: &Surface, looking: DVec3) ->
     world.scene().lights.iter().map(given).sum()
 }
 
+/// Unit directions of a point's rays: `numbers` selects them out of `count`. The point's unit normals are the triangle's
+/// and the interpolated vertex normal.
+fn ways(
+    [geometric, normal]: [DVec3; 2],
+    numbers: impl Iterator<Item = u32>,
+    count: u32,
+) -> impl Iterator<Item = DVec3> {
+    let [tangent, bitangent] = tangents(normal);
+    numbers.map(move |number| {
+        let local = direction(number, count);
+        let way = tangent * local.x + bitangent * local.y + normal * local.z;
+        way - 2.0 * way.dot(geometric).min(0.0) * geometric
+    })
+}
+
 /// Irradiance \[lx\] from the surfaces within `reach` \[m\] that a point's rays hit, and which rays hit nothing.
-/// `numbers` selects the rays out of `count`. The point's unit normals are the triangle's and the interpolated vertex
-/// normal.
+/// `normals`, `numbers` and `count` as for [`sky_along`].
 pub fn short_rays(
     world: &World<'_>,
     position: DVec3,
-    [geometric, normal]: [DVec3; 2],
+    normals: [DVec3; 2],
     numbers: impl Iterator<Item = u32>,
     count: u32,
     reach: f64,
 ) -> (DVec3, Vec<bool>) {
-    let [tangent, bitangent] = tangents(normal);
     let mut sum = DVec3::ZERO;
     let mut open = Vec::new();
-    for number in numbers {
-        let local = direction(number, count);
-        let mut way = tangent * local.x + bitangent * local.y + normal * local.z;
-        let above = way.dot(geometric);
-        if above < 0.0 {
-            way -= 2.0 * above * geometric;
-        }
+    for way in ways(normals, numbers, count) {
         let hit = world.nearest(position, way, Sides::Both).filter(|hit| hit.distance < reach);
         open.push(hit.is_none());
         if let Some(hit) = hit {
@@ -136,6 +143,44 @@ pub fn short_rays(
     (sum * (PI / open.len() as f64), open)
 }
 
+/// What a point's rays find of a sky.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SkyAlong {
+    /// Sum of the sky's radiance along the rays that reach it [cd/m^2].
+    pub open: DVec3,
+    /// The same along all rays.
+    pub all: DVec3,
+    /// Luminance of the sky behind surfaces hit [cd/m^2], and its sum over their distance \[cd/m^3\].
+    pub hidden: DVec2,
+}
+
+/// The sky along a point's rays. A surface within `reach` \[m\] blocks a ray. Beyond that, `sky` tells by direction how
+/// open the caches call it, and its radiance; if they call it neither open nor closed, the ray goes on and decides. The
+/// point's unit normals are the triangle's and the interpolated vertex normal; `numbers` selects the rays out of `count`.
+pub fn sky_along(
+    world: &World<'_>,
+    position: DVec3,
+    normals: [DVec3; 2],
+    numbers: impl Iterator<Item = u32>,
+    count: u32,
+    reach: f64,
+    sky: impl Fn(DVec3) -> (f64, DVec3),
+) -> SkyAlong {
+    let mut found = SkyAlong::default();
+    for way in ways(normals, numbers, count) {
+        let (open, radiance) = sky(way);
+        let decides = (open - 0.5).abs() < 0.4999;
+        let reach = if decides { f64::INFINITY } else { reach };
+        match world.nearest(position, way, Sides::Both).filter(|hit| hit.distance < reach) {
+            Some(hit) => found.hidden += luminance(radiance) * DVec2::new(1.0, 1.0 / hit.distance),
+            None if decides => found.open += radiance,
+            None => found.open += open * radiance,
+        }
+        found.all += radiance;
+    }
+    found
+}
+
 /// Result of one pixel's rays, as far as pixels share it.
 #[derive(Clone, Copy, Debug)]
 pub struct Found {
@@ -143,8 +188,10 @@ pub struct Found {
     pub irradiance: DVec3,
     /// Share of the caches' light along rays that hit nothing.
     pub open: DVec3,
-    /// Share of the sky's light along rays that hit nothing.
-    pub open_sky: f64,
+    /// Share of the sky's light along rays that reach it.
+    pub open_sky: DVec3,
+    /// Mean reciprocal distance of what hides the sky \[1/m\].
+    pub sky_crowding: f64,
     /// Mean reciprocal length of the rays \[1/m\].
     pub crowding: f64,
     /// Position of the surface.
@@ -170,26 +217,27 @@ pub fn alike(d: DVec3, normal: DVec3, other: DVec3) -> f64 {
 pub fn spread(found: &[Option<Found>], [width, height]: [usize; 2], step: usize) -> Vec<Option<Found>> {
     let of_pixel = |index: usize| {
         let own = found[index]?;
-        let (mut irradiance, mut open, mut open_sky, mut weights) = (DVec3::ZERO, DVec3::ZERO, 0.0, 0.0);
+        let (mut irradiance, mut open, mut weights) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+        let (mut open_sky, mut sky_weights) = (DVec3::ZERO, 0.0);
         for (dx, dy) in (-1..=1_isize).flat_map(|dy| (-1..=1_isize).map(move |dx| (dx, dy))) {
             let x = (index % width).checked_add_signed(dx * step as isize).filter(|x| *x < width);
             let y = (index / width).checked_add_signed(dy * step as isize).filter(|y| *y < height);
             let Some(p) = x.zip(y).and_then(|(x, y)| found[y * width + x]) else { continue };
             let d = own.position - p.position;
-            let apart = 5.0 * d.length() * own.crowding.max(p.crowding);
-            let weight = match (dx, dy) {
-                (0, 0) => 1.0,
-                _ => {
-                    0.5_f64.powi((dx.abs() + dy.abs()) as i32) * alike(d, own.normal, p.normal) * (-apart * apart).exp()
-                }
+            let weight = |crowding: f64| {
+                let near = 0.5_f64.powi((dx.abs() + dy.abs()) as i32) * alike(d, own.normal, p.normal);
+                if (dx, dy) == (0, 0) { 1.0 } else { near * (-(5.0 * d.length() * crowding).powi(2)).exp() }
             };
-            irradiance += weight * p.irradiance;
-            open += weight * p.open;
-            open_sky += weight * p.open_sky;
-            weights += weight;
+            let by_light = weight(own.crowding.max(p.crowding));
+            irradiance += by_light * p.irradiance;
+            open += by_light * p.open;
+            weights += by_light;
+            let by_sky = weight(own.sky_crowding.max(p.sky_crowding));
+            open_sky += by_sky * p.open_sky;
+            sky_weights += by_sky;
         }
         let [irradiance, open] = [irradiance, open].map(|sum| sum / weights);
-        Some(Found { irradiance, open, open_sky: open_sky / weights, ..own })
+        Some(Found { irradiance, open, open_sky: open_sky / sky_weights, ..own })
     };
     (0..found.len()).map(of_pixel).collect()
 }

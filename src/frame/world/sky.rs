@@ -4,9 +4,7 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Device};
 use crate::scene::sky::Sky;
 use crate::scene::sky_filter;
-use crate::shared::{DIRECTION_SIDE, DIRECTIONS, SkyLevel};
-use glam::{DVec2, DVec3, Vec3};
-use std::f64::consts::PI;
+use crate::shared::SkyLevel;
 
 /// A sky as visible background.
 pub struct SkyBuffer {
@@ -35,9 +33,6 @@ pub struct SkyLight {
     pub levels: Buffer,
     /// Texels of all grids.
     pub texels: Buffer,
-    /// Mean radiance for each direction of short rays [cd/m^2]. It is slightly above 0 everywhere, since it serves as a
-    /// weight.
-    pub directions: Buffer,
     /// Irradiance below which a cache's own share has no meaning, a small part of the mean illuminance \[lx\].
     pub(in crate::frame) least: f32,
 }
@@ -62,28 +57,7 @@ impl SkyLight {
         Ok(Self {
             levels: gpu.buffer_from("scene.sky_levels", &levels)?,
             texels: gpu.buffer_from("scene.sky_light", &texels)?,
-            directions: gpu.buffer_from("scene.sky_directions", &by_directions(sky))?,
             least: (1e-4 * sky.illuminance().max_element() / 4.0) as f32,
         })
     }
-}
-
-/// The mean radiance of each direction, over `POINTS` points along both sides of its square of the octahedron
-/// (glsl/lib/directions.glsl). The sky is reduced so that its texels are as wide as the points are apart.
-fn by_directions(sky: &Sky) -> Vec<Vec3> {
-    const POINTS: usize = 4;
-    let (grid, side) = (sky_filter::halved(sky, 128), DIRECTION_SIDE as usize);
-    let least = 1e-4 * sky.illuminance() / (4.0 * PI);
-    let mean = |index: usize| {
-        let part = |part: usize| {
-            let within = (DVec2::new((part % POINTS) as f64, (part / POINTS) as f64) + 0.5) / POINTS as f64;
-            let at = (DVec2::new((index % side) as f64, (index / side) as f64) + within) * 2.0 / side as f64 - 1.0;
-            let on = at.extend(1.0 - at.x.abs() - at.y.abs());
-            let below = (-on.z).max(0.0);
-            grid.radiance((on - DVec3::new(below.copysign(on.x), below.copysign(on.y), 0.0)).normalize())
-        };
-        let all = (0..POINTS * POINTS).map(part).sum::<DVec3>();
-        (all / (POINTS * POINTS) as f64 + least).as_vec3()
-    };
-    (0..DIRECTIONS as usize).map(mean).collect()
 }
