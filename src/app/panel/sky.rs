@@ -41,14 +41,18 @@ impl Edited {
                 let drag = DragValue::new(&mut scale).speed(speed).range(1e-6..=1e6).max_decimals(4);
                 let response = row(ui, "Brightness", help, |ui| ui.add(drag.update_while_editing(false)));
                 self.scale = is_edited(&response).then_some(scale).or(self.scale);
-                let held = response.dragged() || response.has_focus();
-                let mut rotate = self.rotate.unwrap_or((now.sky_rotate + 180.0).rem_euclid(360.0) - 180.0);
-                let help = "Rotation of the sky about +Y, counter-clockwise seen from above. The light is computed anew when you \
-                            release the control.";
-                let slider = Slider::new(&mut rotate, -180.0..=180.0).suffix("\u{b0}").max_decimals(1);
-                let response = row(ui, "Rotation", help, |ui| ui.add(slider.update_while_editing(false)));
-                self.rotate = is_edited(&response).then_some(rotate).or(self.rotate);
-                ended = !held && !response.dragged() && !response.has_focus();
+                let mut held = response.dragged() || response.has_focus();
+                // One colour has nothing to turn.
+                if now.sky.is_some() {
+                    let mut rotate = self.rotate.unwrap_or((now.sky_rotate + 180.0).rem_euclid(360.0) - 180.0);
+                    let help = "Rotation of the sky about +Y, counter-clockwise seen from above. The light is computed anew when \
+                                you release the control.";
+                    let slider = Slider::new(&mut rotate, -180.0..=180.0).suffix("\u{b0}").max_decimals(1);
+                    let response = row(ui, "Rotation", help, |ui| ui.add(slider.update_while_editing(false)));
+                    self.rotate = is_edited(&response).then_some(rotate).or(self.rotate);
+                    held |= response.dragged() || response.has_focus();
+                }
+                ended = !held;
             }
             let mut all = vec![
                 (None, "automatic"),
