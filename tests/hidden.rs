@@ -19,7 +19,7 @@ const SPACING: f64 = 0.2;
 const BOX: usize = 1;
 
 fn knobs(size: [u32; 2]) -> Knobs {
-    let near = Near::Rays { per_pixel: 8, every: 1 };
+    let near = Near::Rays { per_pixel: 8, every: 0 };
     Knobs { size, near, shadows: Shadows::PerLight, rsm: 64, light_shadows: LightShadows::Maps(512), ..small() }
 }
 

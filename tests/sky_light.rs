@@ -282,7 +282,7 @@ fn surfaces_have_the_skys_light_of_paths() {
         uneven().put_over(&mut scene, 16);
         let size = [112, 63];
         let (truth, covered) = paths(&scene, size, 12);
-        let near = Near::Rays { per_pixel: 8, every: 1 };
+        let near = Near::Rays { per_pixel: 8, every: 0 };
         let shot = shoot(&gpu, &scene, Some(&caches), &knobs(size, near));
         let of_surfaces = |all: &dyn Fn(usize) -> [f32; 3]| -> Vec<[f32; 3]> {
             (0..covered.len()).filter(|pixel| covered[*pixel]).map(all).collect()
