@@ -86,6 +86,20 @@ struct SkySeenPush {
     float least; // irradiance of the unoccluded sky below which light does not define the share [lx]
 };
 
+// Rays of a pixel's lobe, at most.
+const uint LOBE_RAYS = 4u;
+
+// A short ray: where it starts and what it hits. Passes hand it on.
+struct NearRay {
+    vec3 start; // [m]; near_hits.comp replaces it by the radiance that the ray brings [cd/m^2]
+    float spread; // width of the ray's cone by distance; negative for a ray without end; 0: the pixel does not trace it
+    vec3 direction; // unit
+    float distance; // of the hit [m]
+    vec2 weights; // of the hit triangle's second and third corner
+    uint triangle; // as in Hit
+    uint instance;
+};
+
 // Result of the short rays of one pixel.
 struct NearPixel {
     vec3 irradiance; // from the surfaces hit [lx]
@@ -146,21 +160,38 @@ struct InstanceCaches {
     uint first_rest; // first vertex of the mesh as it was when caches were placed
 };
 
-// Push constants of passes that trace rays from surfaces and caches.
-struct TracePush {
+// Push constants of the pass that traces caches' depth images.
+struct TraceImagesPush {
+    float reach; // distance at which rays start [m]
+    float cache_reach; // distance up to which caches count at a point [m]
+    float seen_lift; // of both ends of a ray between a hit and a cache [m]
+    uint root; // of the hierarchy
+};
+
+// Push constants of the passes that trace short rays and add up what they bring.
+struct NearRaysPush {
     mat4 clip_from_world;
     vec4 eye; // as in DrawPush
     float cache_reach; // distance up to which caches count at a point [m]
-    float reach; // length of short rays; of a cache's rays the distance at which they start [m]
+    float reach; // length of the rays [m]
     uint root; // of the hierarchy
     uint width; // pixels with rays per row
     uint height;
+    uint every; // distance between them, in columns and rows
+    uint first_group; // of all workgroups of the picture; this dispatch's first
+};
+
+// Push constants of the pass that lights what short rays hit.
+struct NearHitsPush {
+    float cache_reach; // distance up to which caches count at a point [m]
+    float seen_lift; // of both ends of a ray between a hit and a cache [m]
+    uint root; // of the hierarchy
+    uint rays; // per pixel, without those of its lobe
+    uint slots; // rays that a pixel may have
     uint light_count;
     uint reflects; // 1: hit surfaces reflect the lights
     uint first_sky_light; // first light that stands for a sky; hit surfaces get that light from caches instead
     uint sky_light_count;
-    uint every; // distance between pixels with rays, in columns and rows
-    float seen_lift; // of both ends of a ray between a hit and a cache [m]
 };
 
 // VALs per row of the dispatch that traces an area light's VALs.

@@ -6,7 +6,7 @@
 #include "lib/depth_image.glsl"
 
 layout(local_size_x = 64) in;
-layout(push_constant, scalar) uniform Push { TracePush push; };
+layout(push_constant, scalar) uniform Push { TraceImagesPush push; };
 layout(binding = 12, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 13, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 14, scalar) readonly buffer Args { LiveArgs args; };

@@ -10,7 +10,7 @@ use super::occlude::Bounds;
 use super::world::World;
 use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Cmd, Device, Pipeline, Use};
-use crate::shared::{DEPTH_IMAGE_TEXELS, DepthImagePush, LiveArgs, OCCLUDER_GROUP, TracePush};
+use crate::shared::{DEPTH_IMAGE_TEXELS, DepthImagePush, LiveArgs, OCCLUDER_GROUP, TraceImagesPush};
 use std::mem::offset_of;
 
 /// The images, and the passes that create them.
@@ -155,7 +155,7 @@ impl DepthImages {
         cmd.bind(pipeline, &resources);
         let cache_reach = world.cells.as_ref().map_or(world.spacing(), |cells| cells.reach) as f32;
         let seen_lift = (SEEN_LIFT * world.spacing()) as f32;
-        cmd.push(&TracePush { reach, cache_reach, seen_lift, root: rays.root, ..TracePush::default() });
+        cmd.push(&TraceImagesPush { reach, cache_reach, seen_lift, root: rays.root });
         cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
     }
 

@@ -11,22 +11,32 @@ use super::view::View;
 use super::world::World;
 use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Cmd, Device, Pipeline, Use};
-use crate::shared::{NEAR_SIDE, NearFilterPush, NearLight, NearPixel, NearSpreadPush, TracePush};
+use crate::shared::{
+    LOBE_RAYS, NEAR_SIDE, NearFilterPush, NearHitsPush, NearLight, NearPixel, NearRay, NearRaysPush, NearSpreadPush,
+};
 use glam::Vec3;
 use std::f32::consts::PI;
 
 /// Traces short rays and combines those of neighbouring pixels.
 pub struct NearRays {
     trace: Pipeline,
+    shade: Pipeline,
+    sum: Pipeline,
     filter: Pipeline,
     spread: Pipeline,
-    glossy: bool,
     /// Whether the surfaces at hits reflect the lights.
     reflects: bool,
     /// Whether open rays see a sky.
     sky: bool,
     /// Directions about +z that neighbours share, one block per ray.
     directions: Buffer,
+    /// Rays on their way from one pass to the next: those of a part of the picture.
+    rays: Buffer,
+    /// Indices of rays whose hits are to be lit, per workgroup, and their numbers.
+    lists: Buffer,
+    counts: Buffer,
+    /// Rays that a pixel may have, with those of its lobe.
+    slots: u32,
     near: Near,
     /// Length of the rays \[m\].
     pub reach: f32,
@@ -69,17 +79,21 @@ pub fn directions(count: u32) -> Vec<Vec3> {
     (0..count).map(direction).collect()
 }
 
-/// Shaders by features: glossy materials (1), surfaces that reflect the light of caches (2), caches that see a sky (4).
-const SHADERS: [&str; 8] = [
-    "near.comp",
-    "near_glossy.comp",
-    "near_lit.comp",
-    "near_glossy_lit.comp",
-    "near_sky.comp",
-    "near_glossy_sky.comp",
-    "near_lit_sky.comp",
-    "near_glossy_lit_sky.comp",
-];
+/// Shaders by features: glossy materials (1), caches that see a sky (2).
+const TRACE: [&str; 4] = ["near_rays.comp", "near_rays_glossy.comp", "near_rays_sky.comp", "near_rays_glossy_sky.comp"];
+const SUM: [&str; 4] = ["near.comp", "near_glossy.comp", "near_sky.comp", "near_glossy_sky.comp"];
+
+/// Shaders by features: surfaces that reflect the light of caches (1), caches that see a sky (2).
+const SHADE: [&str; 4] = ["near_hits.comp", "near_hits_lit.comp", "near_hits_sky.comp", "near_hits_lit_sky.comp"];
+
+/// Memory for rays \[bytes\]. More parts of a picture would occupy a GPU less.
+const RAYS_BYTES: u32 = 64 << 20;
+
+/// Hits that a thread lights, at most.
+const HITS_EACH: u32 = 4;
+
+/// Pixels of a workgroup.
+const GROUP: u32 = 64;
 
 // Shaders also read them as whole texels.
 const _: () = assert!(size_of::<NearPixel>() == 9 * 16 && size_of::<NearLight>() == 7 * 16);
@@ -87,6 +101,11 @@ const _: () = assert!(size_of::<NearPixel>() == 9 * 16 && size_of::<NearLight>()
 /// Specialization constant of shaders that read results of rays, of pictures of any size: 1 to read them as texels.
 pub(super) fn as_texels(gpu: &Device) -> u32 {
     u32::from(gpu.reads_texels(gpu.most_buffer_bytes()))
+}
+
+/// Workgroups whose rays are kept at once: a multiple of those that have all directions.
+fn groups_at_once(slots: u32) -> u32 {
+    (RAYS_BYTES / (GROUP * slots * size_of::<NearRay>() as u32)).next_multiple_of(NEAR_SIDE * NEAR_SIDE)
 }
 
 impl NearRays {
@@ -105,20 +124,29 @@ impl NearRays {
         let by_cells = u32::from(world.references_of_pixels().is_some());
         let (references, lit) = (world.references_each as u32, plan.bounces > 0);
         let constants = [stack, levels, texels, holes, per_pixel, references, by_cells];
-        let shader = usize::from(plan.glossy) + 2 * usize::from(lit) + 4 * usize::from(plan.sky_light);
+        let sky = 2 * usize::from(plan.sky_light);
+        let slots = per_pixel + if plan.glossy { LOBE_RAYS } else { 0 };
         let names = if plan.glossy {
             ["near_filter_glossy.comp", "near_spread_glossy.comp"]
         } else {
             ["near_filter.comp", "near_spread.comp"]
         };
+        let rays_at_once = u64::from(groups_at_once(slots) * GROUP * slots);
+        let of_hits = [stack, levels, texels, holes, references, by_cells];
+        let of_hits = &of_hits[..if lit || plan.sky_light { 6 } else { 4 }];
         Ok(Some(Self {
-            trace: gpu.compute(SHADERS[shader], &constants)?,
+            trace: gpu.compute(TRACE[usize::from(plan.glossy) + sky], &constants)?,
+            shade: gpu.compute(SHADE[usize::from(lit) + sky], of_hits)?,
+            sum: gpu.compute(SUM[usize::from(plan.glossy) + sky], &constants)?,
             filter: gpu.compute(names[0], &[as_texels(gpu)])?,
             spread: gpu.compute(names[1], &[as_texels(gpu)])?,
-            glossy: plan.glossy,
             reflects: plan.reflects || plan.sends_sky,
             sky: plan.sky_light,
             directions: gpu.buffer_from("near.directions", &directions(per_pixel * NEAR_SIDE * NEAR_SIDE))?,
+            rays: gpu.buffer("near.rays", rays_at_once * size_of::<NearRay>() as u64)?,
+            lists: gpu.buffer("near.lists", rays_at_once * 4)?,
+            counts: gpu.buffer("near.counts", u64::from(groups_at_once(slots)) * 4)?,
+            slots,
             near,
             reach: (PIXEL_REACH * world.spacing()) as f32,
         }))
@@ -141,42 +169,77 @@ impl NearRays {
             // Visible surfaces, caches and their light -> here and the next pass.
             cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
         }
+        let mut first = true;
         for (view, surface, out) in views.clone() {
             let Some(element) = &surface.element else { continue };
-            let mut resources = rays.binds(world).to_vec();
-            resources.extend([Bind::from(&world.light_buffer), element.into()]);
-            resources.extend([&world.draw_records, &self.directions, &out.pixels].map(Bind::from));
-            let (grids, entries) = world.cells.as_ref().map_or((radiances, radiances), |c| (&c.grids, &c.entries));
-            let of_caches = [radiances, atlas, &world.references, &world.instance_caches, grids, entries];
-            resources.extend(of_caches.map(Bind::from));
-            resources.push(Bind::SomeTexels(atlas));
-            resources.extend([&surface.normal, &surface.specular].map(Bind::from).iter().filter(|_| self.glossy));
-            resources.extend(lit.map(Bind::from));
-            if let (Some([seen, open]), Some(sky)) = (sky, &world.sky_light) {
-                resources.extend([seen, open, &sky.texels, &sky.levels].map(Bind::from));
-                resources.extend(world.cache_albedos().filter(|_| lit.is_some()).map(Bind::from));
-            }
-            cmd.bind(&self.trace, &resources);
             let [width, height] = out.size;
-            let sky_lights = if self.sky { world.sky_lights() } else { 0..0 };
-            cmd.push(&TracePush {
-                clip_from_world: view.clip_from_world,
-                eye: view.eye,
-                cache_reach: world.cells.as_ref().map_or(world.spacing(), |cells| cells.reach) as f32,
-                reach: self.reach,
-                seen_lift: (SEEN_LIFT * world.spacing()) as f32,
-                root: rays.root,
-                width,
-                height,
-                light_count: world.lights().len() as u32,
-                reflects: u32::from(self.reflects),
-                first_sky_light: sky_lights.start,
-                sky_light_count: sky_lights.len() as u32,
-                every: out.every,
-            });
+            let cache_reach = world.cells.as_ref().map_or(world.spacing(), |cells| cells.reach) as f32;
+            // Shaders declare some of these bindings.
+            let none = Bind::from(radiances);
+            let [b0, b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11] = rays.binds(world);
+            let cells = world.cells.as_ref().map(|c| [&c.grids, &c.entries].map(Bind::from));
+            let [grids, entries] = cells.unwrap_or([none; 2]);
+            let [seen, open] = sky.map_or([none; 2], |sky| sky.map(Bind::from));
+            let of_sky = world.sky_light.as_ref().map(|sky| [&sky.texels, &sky.levels].map(Bind::from));
+            let [texels, levels] = of_sky.unwrap_or([none; 2]);
+            #[rustfmt::skip]
+            let all: [Bind<'_>; 35] = [
+                b0, b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, // 0
+                (&world.light_buffer).into(), element.into(), (&world.draw_records).into(), (&self.directions).into(), // 12
+                (&out.pixels).into(), none, atlas.into(), // 16
+                (&world.references).into(), (&world.instance_caches).into(), grids, entries, Bind::SomeTexels(atlas), // 19
+                (&surface.normal).into(), (&surface.specular).into(), lit.map_or(none, Bind::from), // 24
+                seen, open, texels, levels, world.cache_albedos().map_or(none, Bind::from), (&self.rays).into(), (&self.lists).into(), (&self.counts).into(), // 27
+            ];
+            let bind = |pipeline: &Pipeline| {
+                let used: Vec<_> = pipeline.bindings().map(|i| all[i as usize]).collect();
+                cmd.bind(pipeline, &used);
+            };
             // A workgroup has 8 x 8 pixels that share their directions.
             let block = NEAR_SIDE * 8;
-            cmd.dispatch(width.div_ceil(block) * NEAR_SIDE * NEAR_SIDE * 64, height.div_ceil(block), 1);
+            let groups = width.div_ceil(block) * height.div_ceil(block) * NEAR_SIDE * NEAR_SIDE;
+            let at_once = groups_at_once(self.slots);
+            for first_group in (0..groups).step_by(at_once as usize) {
+                let threads = (groups - first_group).min(at_once) * GROUP;
+                let push = NearRaysPush {
+                    clip_from_world: view.clip_from_world,
+                    eye: view.eye,
+                    cache_reach,
+                    reach: self.reach,
+                    root: rays.root,
+                    width,
+                    height,
+                    every: out.every,
+                    first_group,
+                };
+                if !first {
+                    // The part before has been read.
+                    cmd.barrier(Use::ComputeRead, Use::ComputeWrite);
+                }
+                first = false;
+                bind(&self.trace);
+                cmd.push(&push);
+                cmd.dispatch(threads, 1, 1);
+                cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
+                bind(&self.shade);
+                let sky_lights = if self.sky { world.sky_lights() } else { 0..0 };
+                cmd.push(&NearHitsPush {
+                    cache_reach,
+                    seen_lift: (SEEN_LIFT * world.spacing()) as f32,
+                    root: rays.root,
+                    rays: self.near.per_pixel(),
+                    slots: self.slots,
+                    light_count: world.lights().len() as u32,
+                    reflects: u32::from(self.reflects),
+                    first_sky_light: sky_lights.start,
+                    sky_light_count: sky_lights.len() as u32,
+                });
+                cmd.dispatch(threads, self.slots.div_ceil(HITS_EACH), 1);
+                cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
+                bind(&self.sum);
+                cmd.push(&push);
+                cmd.dispatch(threads, 1, 1);
+            }
         }
         cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
         for (_, _, NearPixels { pixels, lights, size: [width, height], .. }) in views.clone() {
