@@ -31,9 +31,10 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     write_glb(&small(), &at.join("box.glb")).expect("a scene");
     let caches = ["--caches", "250"];
     let first = eval(&at, &caches);
-    // With and without shadows: three cache counts by three RSM sizes, and one alternative for each of three knobs.
-    // Also one more kind of shadows with and without short rays, shadows without short rays, and two cluster distances.
-    assert_eq!(counts(&first), (29, 0, 0), "{first}");
+    // The default, and one bounce without shadows: three cache counts by three RSM sizes, and one alternative for each of
+    // three knobs. Also two more kinds of shadows, one of them with and without short rays, shadows without short rays,
+    // one bounce with shadows, and two cluster distances.
+    assert_eq!(counts(&first), (31, 0, 0), "{first}");
     let report = at.join("report");
     let wanted = ["index.html", "pictures", "plots", "points.jsonl", "references", "results.csv", "results.json"];
     assert_eq!(left(&report), wanted);
@@ -50,39 +51,48 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
         page.split("data:image/png;base64,").map(|part| part.split_once('"').map_or(part, |of| of.1)).collect();
     assert!(!words.contains("NaN") && !words.contains("Not measured"));
     assert!(!lightskin_is_software() || page.contains("software device"), "the page must name a software device");
-    for name in ["same virtual lights", "most virtual lights", "no shadows", "with shadows", "Pareto front"] {
+    for name in ["same virtual lights", "most virtual lights", "no shadows", "all light", "Pareto front"] {
         assert!(page.contains(name), "{name}");
     }
 
     let table = fs::read_to_string(report.join("results.csv")).expect("a table");
     let head: Vec<&str> = table.lines().next().expect("a head").split(',').collect();
     assert!(table.lines().all(|line| line.split(',').count() == head.len()), "{table}");
-    for name in
-        ["caches", "rsm", "refs", "interpolation", "proxy-weight", "cluster", "frame_ms", "gather_ms", "reference"]
-    {
+    for name in [
+        "caches",
+        "rsm",
+        "refs",
+        "interpolation",
+        "proxy-weight",
+        "cluster",
+        "bounces",
+        "frame_ms",
+        "gather_ms",
+        "reference",
+    ] {
         assert!(head.contains(&name), "{head:?}");
     }
     for name in ["mae", "mare", "rmse", "relmse", "relmse-trimmed", "median-relative", "bias", "psnr", "ssim", "flip"] {
         assert!(head.contains(&name), "{head:?}");
     }
-    // Fifteen points with shadows have one reference, fourteen without have four, and three of brute force have three.
-    // Each has two lobes and their sum.
-    assert_eq!(table.lines().count(), 1 + (15 + 14 * 4 + 3 * 3) * 3);
-    // Points with shadows are not compared with references without shadows.
-    let [gi, shadows, reference] =
-        ["gi", "shadows", "reference"].map(|name| head.iter().position(|n| *n == name).expect(name));
+    // Fourteen points of one bounce without shadows have three references, the other seventeen have one, and three of brute
+    // force have two. Each has two lobes and their sum.
+    assert_eq!(table.lines().count(), 1 + (17 + 14 * 3 + 3 * 2) * 3);
+    // Only points of one bounce without shadows are compared with references of that, and with no others.
+    let [gi, shadows, bounces, reference] =
+        ["gi", "shadows", "bounces", "reference"].map(|name| head.iter().position(|n| *n == name).expect(name));
     for line in table.lines().skip(1) {
         let cells: Vec<&str> = line.split(',').collect();
-        let has_none = cells[gi] == "brute-force" || cells[shadows] == "off";
-        assert!(has_none || cells[reference] == "path-traced", "{line}");
+        let is_bare = cells[gi] == "brute-force" || (cells[shadows] == "off" && cells[bounces] == "1");
+        assert_eq!(is_bare, cells[reference] != "path-traced", "{line}");
     }
     let results: serde_json::Value =
         serde_json::from_slice(&fs::read(report.join("results.json")).expect("results")).expect("JSON");
-    assert_eq!(results["points"].as_array().map(Vec::len), Some(32));
+    assert_eq!(results["points"].as_array().map(Vec::len), Some(34));
     assert_eq!(results["references"].as_array().map(Vec::len), Some(5));
 
     let second = eval(&at, &caches);
-    assert_eq!(counts(&second), (0, 29, 0), "{second}");
+    assert_eq!(counts(&second), (0, 31, 0), "{second}");
     assert_eq!(fs::read_to_string(report.join("results.csv")).expect("a table"), table);
     assert!(
         fs::read_to_string(report.join("index.html")).expect("a page") == page,
@@ -98,15 +108,15 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     let picture: Vec<_> = picture.filter(|p| p.to_string_lossy().contains(&format!("{key}-error"))).collect();
     fs::remove_file(&picture[0]).expect("a picture of the default");
     let third = eval(&at, &caches);
-    assert_eq!(counts(&third), (2, 27, 0), "{third}");
+    assert_eq!(counts(&third), (2, 29, 0), "{third}");
 
     // With another scene no kept point fits, but none is lost.
     let mut scene = small();
     scene.lights[0].intensity *= 2.0;
     write_glb(&scene, &at.join("box.glb")).expect("a scene");
-    assert_eq!(counts(&eval(&at, &caches)), (29, 0, 0));
+    assert_eq!(counts(&eval(&at, &caches)), (31, 0, 0));
     write_glb(&small(), &at.join("box.glb")).expect("a scene");
-    assert_eq!(counts(&eval(&at, &caches)), (0, 29, 0));
+    assert_eq!(counts(&eval(&at, &caches)), (0, 31, 0));
 }
 
 fn lightskin_is_software() -> bool {

@@ -14,6 +14,7 @@ use lightskin::lab::shadows::errors;
 use lightskin::reference::depth_image::{DepthImage, Plate, Rule, gather_seen};
 use lightskin::reference::gather::{Cache, ProxyWeight, gather};
 use lightskin::reference::occlude::Disc;
+use lightskin::reference::path_trace::PathTraceSettings;
 use lightskin::reference::rsm::Val;
 use lightskin::scene::Scene;
 use lightskin::scene::build::{atrium, cuboid};
@@ -210,7 +211,7 @@ fn shadows_bring_pictures_nearer_to_light_paths() {
     // Objects that are thin, folded, or many in one mesh, next to mostly shadowed objects.
     let scenes = Shadowed::ALL.iter().map(|which| (which.scene(), 500, 0.75)).chain([(atrium(), 2000, 0.9)]);
     for (scene, caches, at_most) in scenes {
-        let wanted = PathTraced { size, visibility: true, samples: 64, glossy: false };
+        let wanted = PathTraced { settings: PathTraceSettings::engine(size, 1), samples: 64, glossy: false };
         let (truth, _) = path_traced(&scene, &scene.cameras[0], &wanted, &folder, &|_| ());
         let mut bench = Bench::new(&gpu, &scene, &scene.cameras[0]);
         let mut picture = |shadows| -> Layers {

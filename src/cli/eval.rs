@@ -42,6 +42,9 @@ pub(super) struct Eval {
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=4096))]
     rsm: u32,
     /// Largest angle between a surface normal and the normal of its cache [degrees].
+    ///
+    /// If --caches is below 8 for each instance in the scene, small models are allowed 75 degrees: larger surfaces need
+    /// the caches more.
     #[arg(long, value_name = "DEG", default_value_t = 60.0, value_parser = angle)]
     angle: f64,
     /// Subdivide triangles until no edge is longer than this [m]; 0 subdivides none [default: a quarter of the cache
@@ -57,7 +60,7 @@ impl Eval {
         let (extent, size, samples) =
             if self.quick { (Extent::Quick, [240, 135], 256) } else { (Extent::Full, [480, 270], 2048) };
         let (size, caches) = (self.size.unwrap_or(size), self.caches as usize);
-        let frame = Knobs { rsm: self.rsm, ..Knobs::at(Quality::High, caches, size) };
+        let frame = Knobs { rsm: self.rsm, bounces: Quality::High.bounces(), ..Knobs::at(Quality::High, caches, size) };
         let base = Point {
             frame,
             caches,
@@ -93,13 +96,18 @@ pub(super) fn run(args: &Eval) -> Result<()> {
         results.measured,
         results.kept
     );
-    // Rows with shadows are compared with paths with shadows, rows without shadows with the other references.
+    // Points of one bounce without shadows are compared with references of the same light, all others with all light.
     let figures = Figures { job: &job, results: &results };
     let rows = Truth::ALL.into_iter().filter_map(|truth| Some((truth, figures.row(figures.base(truth))?)));
     for errors in rows.flat_map(|(truth, row)| row.errors.iter().filter(move |errors| errors.truth == truth.name())) {
         let value = |name: &str| errors.values.iter().find(|(n, _)| n == name).map_or(f64::NAN, |(_, v)| *v);
         let (mare, bias) = (plot::short(value("mare") * 100.0), plot::short(value("bias") * 100.0));
         say!("  {:<24}{:<18}error {mare} %, bias {bias} %", errors.truth, errors.layer);
+    }
+    for reference in &results.references {
+        if let (Some(name), Some(noise)) = (reference["name"].as_str(), reference["noise"].as_f64()) {
+            say!("  {name:<24}noise of the reference itself {} %; --spp lowers it", plot::short(noise * 100.0));
+        }
     }
     say!("report    {}", args.out.join("index.html").display());
     check_messages(&gpu, &results.problems)

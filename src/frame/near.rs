@@ -189,7 +189,8 @@ impl NearRays {
                 (&out.pixels).into(), none, atlas.into(), // 16
                 (&world.references).into(), (&world.instance_caches).into(), grids, entries, Bind::SomeTexels(atlas), // 19
                 (&surface.normal).into(), (&surface.specular).into(), lit.map_or(none, Bind::from), // 24
-                seen, open, texels, levels, world.cache_albedos().map_or(none, Bind::from), (&self.rays).into(), (&self.lists).into(), (&self.counts).into(), // 27
+                seen, open, texels, levels, world.cache_albedos().map_or(none, Bind::from), // 27
+                (&self.rays).into(), (&self.lists).into(), (&self.counts).into(), // 32
             ];
             let bind = |pipeline: &Pipeline| {
                 let used: Vec<_> = pipeline.bindings().map(|i| all[i as usize]).collect();

@@ -325,7 +325,7 @@ impl Quality {
     }
 
     /// Indirect bounces. Without shadows for every VAL, light leaks, and each bounce leaks more.
-    pub fn bounces(self) -> u32 {
+    pub const fn bounces(self) -> u32 {
         match self {
             Self::Low | Self::Medium => 4,
             Self::High | Self::Reference => 16,

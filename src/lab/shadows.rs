@@ -9,7 +9,7 @@ use crate::frame::plan::{STAGES, has_glossy_lobe};
 use crate::gpu::Gpu;
 use crate::lab::knobs::Knobs;
 use crate::metrics::{Metrics, mean, metrics};
-use crate::reference::path_trace::camera_ray;
+use crate::reference::path_trace::{PathTraceSettings, camera_ray};
 use crate::reference::world::{Sides, World};
 use crate::scene::{Camera, Scene};
 use rayon::prelude::*;
@@ -88,8 +88,11 @@ pub fn compare(
 ) -> Result<Compared> {
     let camera = &scene.cameras[0];
     let frame = Knobs { rsm: settings.rsm, ..Knobs::plain(settings.size) };
-    let wanted =
-        PathTraced { size: settings.size, visibility: true, samples: settings.samples, glossy: has_glossy_lobe(scene) };
+    let wanted = PathTraced {
+        settings: PathTraceSettings::engine(settings.size, 1),
+        samples: settings.samples,
+        glossy: has_glossy_lobe(scene),
+    };
     let (mut truth, about) = path_traced(scene, camera, &wanted, folder, progress);
     let edges = edges(scene, camera, settings.size);
     truth.covered.iter_mut().zip(&edges).for_each(|(covered, edge)| *covered &= !edge);

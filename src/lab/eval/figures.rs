@@ -40,10 +40,10 @@ impl<'a> Figures<'a> {
         self.results.rows.get(index)
     }
 
-    /// The default whose errors against a reference are shown: with shadows only if the reference has them.
+    /// The default whose errors against a reference are shown.
     pub fn base(&self, truth: Truth) -> &'a Point {
         let sweep = self.job.sweep;
-        if truth.fits(sweep.base.frame.shadows) { &sweep.base } else { &sweep.bare }
+        if truth.fits(&sweep.base.frame) { &sweep.base } else { &sweep.bare }
     }
 
     /// Rows of a knob's values around a default.
@@ -82,7 +82,7 @@ impl<'a> Figures<'a> {
             let rows = self.rows_of(knob, self.base(truth));
             let marks: Vec<Mark> = rows.into_iter().flatten().filter_map(|row| self.mark(row, truth)).collect();
             if marks.len() < 2 {
-                // Of the kinds of shadows only one has none.
+                // One value alone fits the reference.
                 continue;
             }
             series.push(Series {
@@ -144,7 +144,7 @@ impl<'a> Figures<'a> {
         let times = stages.iter().enumerate().map(stage).chain([total]);
         let time_axis = Axis { label: "GPU time [ms]".into(), names: Vec::new() };
         let mut all = vec![
-            lobes(Truth::Shadowed),
+            lobes(Truth::AllLight),
             lobes(Truth::SameVals),
             plot("references", "error of the sum, each reference", error_axis(), truths),
             plot("times", "time of each stage", time_axis, times.collect()),

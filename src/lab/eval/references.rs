@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::files;
 use crate::frame::Shadows;
 use crate::image::{Layer, read_picture, write_exr};
+use crate::lab::knobs::Knobs;
 use crate::reference::path_trace::{PathTrace, PathTraceSettings};
 use crate::scene::{Camera, Scene};
 use serde_json::{Value, json};
@@ -20,18 +21,18 @@ pub enum Truth {
     FinestVals,
     /// Path tracer, one bounce, indirect light unshadowed: adds the error of VALs as such.
     Unshadowed,
-    /// Path tracer, one bounce, with shadows: the whole error of one bounce, as a user sees it.
-    Shadowed,
+    /// Path tracer with all bounces and shadows: the whole error, as a user sees it.
+    AllLight,
 }
 
 impl Truth {
     /// The user's view first, then the unshadowed references from the most to the least forgiving.
-    pub const ALL: [Self; 4] = [Self::Shadowed, Self::SameVals, Self::FinestVals, Self::Unshadowed];
+    pub const ALL: [Self; 4] = [Self::AllLight, Self::SameVals, Self::FinestVals, Self::Unshadowed];
 
-    /// Whether points with these shadows are compared with it. Unshadowed references do not fit points with shadows:
-    /// correct shadows would count as errors.
-    pub fn fits(self, shadows: Shadows) -> bool {
-        self == Self::Shadowed || shadows == Shadows::Off
+    /// Whether points with these settings are compared with it. References of one bounce without shadows fit only such
+    /// points, and those fit nothing else: correct shadows and further bounces would count as errors.
+    pub fn fits(self, frame: &Knobs) -> bool {
+        (self == Self::AllLight) != (frame.shadows == Shadows::Off && frame.bounces <= 1)
     }
 
     /// Name in tables.
@@ -40,7 +41,7 @@ impl Truth {
             Self::SameVals => "same-vals",
             Self::FinestVals => "finest-vals",
             Self::Unshadowed => "path-traced-unshadowed",
-            Self::Shadowed => "path-traced",
+            Self::AllLight => "path-traced",
         }
     }
 
@@ -50,7 +51,7 @@ impl Truth {
             Self::SameVals => "same VALs, no shadows",
             Self::FinestVals => "most VALs, no shadows",
             Self::Unshadowed => "paths, no shadows",
-            Self::Shadowed => "paths, with shadows",
+            Self::AllLight => "paths, all light",
         }
     }
 
@@ -60,7 +61,7 @@ impl Truth {
             Self::SameVals => "brute force, same virtual lights, no shadows",
             Self::FinestVals => "brute force, most virtual lights, no shadows",
             Self::Unshadowed => "path traced, no shadows",
-            Self::Shadowed => "path traced, with shadows",
+            Self::AllLight => "path traced, all light",
         }
     }
 }
@@ -167,10 +168,8 @@ pub(crate) fn make_folder(path: &Path) -> Result<()> {
 /// Parameters of a path-traced reference.
 #[derive(Clone, Copy, Debug)]
 pub struct PathTraced {
-    /// Picture \[pixels\].
-    pub size: [u32; 2],
-    /// Whether reflected light is shadowed.
-    pub visibility: bool,
+    /// Picture and light.
+    pub settings: PathTraceSettings,
     /// Minimum samples per pixel.
     pub samples: u32,
     /// Whether a material has a glossy lobe.
@@ -180,7 +179,7 @@ pub struct PathTraced {
 /// Interval between saves of the samples: limits what an interruption can lose.
 const SAVE_EVERY: Duration = Duration::from_secs(20);
 
-/// Path-traces one bounce; returns the layers and their metadata. Samples are kept in `folder`, so that an interrupted
+/// Path-traces; returns the layers and their metadata. Samples are kept in `folder`, so that an interrupted
 /// picture continues and more samples refine it. `progress` receives the completed share, 0 to 1.
 pub fn path_traced(
     scene: &Scene,
@@ -189,8 +188,7 @@ pub fn path_traced(
     folder: &Path,
     progress: &dyn Fn(f32),
 ) -> (Layers, Value) {
-    let PathTraced { size, visibility, samples, glossy } = *wanted;
-    let settings = if visibility { PathTraceSettings::engine(size, 1) } else { PathTraceSettings::unshadowed(size) };
+    let PathTraced { settings, samples, glossy } = *wanted;
     let mut trace = PathTrace::new(scene, camera, &settings);
     let file = trace.kept_in(folder);
     if trace.resume(&file) {
@@ -211,7 +209,11 @@ pub fn path_traced(
         }
     }
     save(&trace);
-    let layers =
-        Layers { size, diffuse: trace.diffuse(), glossy: glossy.then(|| trace.glossy()), covered: trace.covered() };
+    let layers = Layers {
+        size: settings.size,
+        diffuse: trace.diffuse(),
+        glossy: glossy.then(|| trace.glossy()),
+        covered: trace.covered(),
+    };
     (layers, json!({ "samples": trace.samples(), "noise": trace.noise() }))
 }

@@ -128,7 +128,7 @@ impl Page<'_> {
                     sweep.frames
                 ),
             ),
-            ("path tracer", format!("at least {} samples per pixel, one bounce", sweep.samples)),
+            ("path tracer", format!("at least {} samples per pixel", sweep.samples)),
             ("default", knobs.join(", ")),
             ("angle", format!("at most {:.0} degrees between a surface and its cache", sweep.base.angle.to_degrees())),
             ("program", format!("lightskin {}", env!("CARGO_PKG_VERSION"))),
@@ -161,7 +161,7 @@ impl Page<'_> {
     }
 
     fn grids(&self) -> Vec<Figure> {
-        let with = [Truth::Shadowed, Truth::FinestVals].into_iter().filter(|truth| self.truths().contains(truth));
+        let with = [Truth::AllLight, Truth::FinestVals].into_iter().filter(|truth| self.truths().contains(truth));
         with.map(|truth| self.figures.grid(truth)).collect()
     }
 
@@ -203,15 +203,15 @@ impl Page<'_> {
         self.figures.name(row, &self.job.sweep.base)
     }
 
-    /// The default of `render` against shadowed paths, and the same without shadows against unshadowed references.
+    /// The default of `render` against all light, and one bounce without shadows against references of that.
     fn halves(&self) -> [Half<'_>; 2] {
         let sweep = self.job.sweep;
-        let (shadowed, bare): (Vec<_>, Vec<_>) = self.truths().into_iter().partition(|t| *t == Truth::Shadowed);
+        let (shadowed, bare): (Vec<_>, Vec<_>) = self.truths().into_iter().partition(|t| *t == Truth::AllLight);
         let best = [Truth::FinestVals, Truth::Unshadowed].into_iter().find(|t| bare.contains(t));
         [
-            Half { title: "Default of render", base: &sweep.base, truths: shadowed, best: Truth::Shadowed },
+            Half { title: "Default of render", base: &sweep.base, truths: shadowed, best: Truth::AllLight },
             Half {
-                title: "Without shadows of indirect light: the error of caches and virtual lights alone",
+                title: "One bounce without shadows: the error of caches and virtual lights alone",
                 base: &sweep.bare,
                 truths: bare,
                 best: best.unwrap_or(Truth::Unshadowed),
@@ -269,8 +269,8 @@ impl Page<'_> {
         let plots: String = self.truths().into_iter().map(|truth| inline(&self.figures.against_time(truth))).collect();
         let html = format!(
             "<p>Each mark is a point of the sweep: GPU time of a whole frame, and {} of indirect light (both lobes). \
-             Points with shadows are compared only with path tracing with shadows; the other plots show points without \
-             shadows. Lower left is better. Ringed marks are the Pareto front: no other point is both faster and closer.</p>\n\
+             Points of one bounce without shadows are compared with references of the same light, all others with all \
+             light. Lower left is better. Ringed marks are the Pareto front: no other point is both faster and closer.</p>\n\
              <div class=\"plots\">{plots}</div>\n",
             METRIC.1
         );
@@ -285,7 +285,7 @@ impl Page<'_> {
             let rows = rows.filter_map(|(value, row)| Some((value.label.as_str(), row?)));
             let fits = |row: &Row| row.failed.is_some() || row.error(half.best, LAYER, METRIC.0).is_some();
             let rows: Vec<(&str, &Row)> = rows.filter(|(_, row)| fits(row)).collect();
-            // Of the kinds of shadows only one has none.
+            // One value alone fits the reference.
             if rows.len() > 1 {
                 html.push_str(&self.half_of_knob(knob, &half, &rows));
             }
@@ -396,7 +396,7 @@ impl Page<'_> {
         }
         let mut strip = String::new();
         let [_, bare] = self.halves();
-        for truth in [Truth::Shadowed, Truth::Unshadowed, Truth::FinestVals] {
+        for truth in [Truth::AllLight, Truth::Unshadowed, Truth::FinestVals] {
             let error_against = (truth != bare.best).then_some(truth);
             strip.push_str(&self.figure(&self.key_of(truth), truth.title(), error_against));
         }

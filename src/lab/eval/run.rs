@@ -8,12 +8,13 @@ use super::sweep::{Knob, Point, Sweep};
 use crate::error::{Error, Result};
 use crate::frame::plan::has_glossy_lobe;
 use crate::gpu::Gpu;
+use crate::reference::path_trace::PathTraceSettings;
 use crate::scene::{Camera, Scene};
 use serde_json::json;
 use std::path::Path;
 
 /// Incremented when the meaning of stored rows or references changes.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// A sweep to measure: device, scene, points and storage.
 pub struct Job<'a> {
@@ -96,14 +97,14 @@ pub fn run(job: &Job<'_>, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Resul
     let kept_before = work.store.len();
     let sides = job.sweep.rsm_sides();
     let brute_force: Vec<_> = sides.iter().map(|side| Ok((*side, work.brute_force(*side)?))).collect::<Result<_>>()?;
-    let traced = [work.path_traced(Truth::Unshadowed)?, work.path_traced(Truth::Shadowed)?];
+    let traced = [work.path_traced(Truth::Unshadowed)?, work.path_traced(Truth::AllLight)?];
     let truths = Truths { brute_force, traced };
     let best = &truths.best_bare().1.layers;
     if !best.covered.contains(&true) {
         return Err(Error::Nothing("the camera sees no surface; choose another with --camera".into()));
     }
     let exposure = Exposure::of(best);
-    for truth in [Truth::FinestVals, Truth::Unshadowed, Truth::Shadowed] {
+    for truth in [Truth::FinestVals, Truth::Unshadowed, Truth::AllLight] {
         if let Some(reference) = truths.of(truth, 0) {
             // References differ from each other, too: shows the difference between VALs and paths.
             let key = reference.key();
@@ -127,7 +128,7 @@ pub fn run(job: &Job<'_>, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Resul
 /// All references.
 struct Truths {
     brute_force: Vec<(u32, Made)>,
-    /// Path-traced without and with shadows.
+    /// Path-traced: one bounce without shadows, and all light.
     traced: [Reference; 2],
 }
 
@@ -139,14 +140,14 @@ impl Truths {
             Truth::SameVals => made(side),
             Truth::FinestVals => made(self.brute_force.last()?.0),
             Truth::Unshadowed => Some(&self.traced[0]),
-            Truth::Shadowed => Some(&self.traced[1]),
+            Truth::AllLight => Some(&self.traced[1]),
         }
     }
 
-    /// Errors of a point's picture against each reference that fits its shadows.
+    /// Errors of a point's picture against each reference that fits it.
     fn errors(&self, point: &Point, layers: &Layers) -> Vec<Errors> {
         let side = point.frame.rsm;
-        let truths = Truth::ALL.into_iter().filter(|truth| truth.fits(point.frame.shadows));
+        let truths = Truth::ALL.into_iter().filter(|truth| truth.fits(&point.frame));
         let mut all: Vec<Errors> = Vec::new();
         for (truth, reference) in truths.filter_map(|truth| Some((truth, self.of(truth, side)?))) {
             if truth == Truth::FinestVals
@@ -165,7 +166,7 @@ impl Truths {
     /// Whether a stored row was compared with every fitting reference that exists now.
     fn are_in(&self, row: &Row, point: &Point) -> bool {
         let is_in = |truth: Truth| row.errors.iter().any(|errors| errors.truth == truth.name());
-        let mut truths = Truth::ALL.into_iter().filter(|truth| truth.fits(point.frame.shadows));
+        let mut truths = Truth::ALL.into_iter().filter(|truth| truth.fits(&point.frame));
         truths.all(|truth| is_in(truth) || self.of(truth, point.frame.rsm).is_none())
     }
 
@@ -175,10 +176,10 @@ impl Truths {
         finest.unwrap_or((Truth::Unshadowed, &self.traced[0]))
     }
 
-    /// References for a point's error maps: shadowed paths, and the best one without shadows.
+    /// References for a point's error maps: all light, or the best one without shadows.
     fn pictured(&self, point: &Point) -> Vec<Truth> {
-        let both = [Truth::Shadowed, self.best_bare().0];
-        both.into_iter().filter(|truth| truth.fits(point.frame.shadows)).collect()
+        let both = [Truth::AllLight, self.best_bare().0];
+        both.into_iter().filter(|truth| truth.fits(&point.frame)).collect()
     }
 }
 
@@ -252,12 +253,12 @@ impl<'a> Work<'a> {
 
     fn path_traced(&mut self, truth: Truth) -> Result<Reference> {
         let (job, sweep) = (self.job, self.job.sweep);
-        let wanted = PathTraced {
-            size: sweep.base.frame.size,
-            visibility: truth == Truth::Shadowed,
-            samples: sweep.samples,
-            glossy: has_glossy_lobe(job.scene),
+        let size = sweep.base.frame.size;
+        let settings = match truth {
+            Truth::AllLight => PathTraceSettings::of(size),
+            _ => PathTraceSettings::unshadowed(size),
         };
+        let wanted = PathTraced { settings, samples: sweep.samples, glossy: has_glossy_lobe(job.scene) };
         let key = self.key(&format!("{wanted:?}"));
         let step = self.step(truth.title());
         let reference = match self.library.find(truth.name(), &key) {

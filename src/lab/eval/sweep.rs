@@ -1,7 +1,7 @@
 //! The points of a sweep: one knob at a time around a default, with and without shadows of indirect light, and a grid
 //! of caches by VALs.
 
-use crate::frame::{ClusterRule, Interpolation, Near, ProxyWeight, Shadows};
+use crate::frame::{ClusterRule, Interpolation, Near, ProxyWeight, Quality, Shadows};
 use crate::lab::knobs::{Gi, Knobs, Path};
 
 /// Everything that a measurement depends on besides scene, camera and device.
@@ -92,8 +92,8 @@ pub enum Extent {
 pub struct Sweep {
     /// The default of `render`, around which knobs are varied.
     pub base: Point,
-    /// The same without shadows of indirect light. Knobs are varied around it, too, for comparison with unshadowed
-    /// references.
+    /// The same with one bounce and without shadows of indirect light. Knobs are varied around it, too, for comparison with
+    /// references of that light.
     pub bare: Point,
     /// Varied knobs; the first two also span the grid.
     pub knobs: Vec<Knob>,
@@ -112,6 +112,7 @@ impl Sweep {
         let mut bare = base.clone();
         bare.frame.shadows = Shadows::Off;
         bare.frame.near = Near::Off;
+        bare.frame.bounces = 1;
         let bases = [base, bare];
         // Consecutive points with the same caches share a bake.
         let mut points = bases.to_vec();
@@ -149,20 +150,42 @@ impl Sweep {
     }
 }
 
-/// Clusters stand for VALs if they are farther away than this many of their radii; without shadows, as in `render`.
+/// Clusters stand for VALs if they are farther away than this many of their radii; with one bounce and without shadows, as
+/// in `render`.
 fn cluster(point: &mut Point, radii: f32) {
     point.frame.path = Path::Clusters(ClusterRule::Distance(radii));
     point.frame.shadows = Shadows::Off;
     point.frame.near = Near::Off;
+    point.frame.bounces = 1;
+}
+
+/// Shadows of indirect light. References without shadows have one bounce; those with shadows have all.
+fn shadows(point: &mut Point, shadows: Shadows) {
+    if point.frame.shadows == Shadows::Off && point.frame.bounces == 1 {
+        point.frame.bounces = BOUNCES;
+    }
+    point.frame.shadows = shadows;
 }
 
 /// Short rays, which require shadows: unshadowed references do not include nearby occlusion.
 fn near(point: &mut Point, per_pixel: u32, every: u32) {
     point.frame.near = Near::Rays { per_pixel, every };
     if point.frame.shadows == Shadows::Off {
-        point.frame.shadows = Shadows::PerLight;
+        shadows(point, Shadows::PerLight);
     }
 }
+
+/// Bounces. One without shadows stays so; more require the default's shadows and short rays.
+fn bounces(point: &mut Point, bounces: u32) {
+    if bounces > 1 && point.frame.bounces == 1 && point.frame.shadows == Shadows::Off {
+        near(point, 8, 0);
+    }
+    point.frame.bounces = bounces;
+}
+
+/// The default of `render`.
+const BOUNCES: u32 = 16;
+const _: () = assert!(Quality::High.bounces() == BOUNCES);
 
 /// All knobs; add an entry to add one. Numeric knobs include the default's value.
 fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
@@ -212,14 +235,15 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
             "shadows",
             "shadows of indirect light",
             &[
-                ("per-light", |point| point.frame.shadows = Shadows::PerLight),
-                ("proxy", |point| point.frame.shadows = Shadows::Proxy),
+                ("per-light", |point| shadows(point, Shadows::PerLight)),
+                ("proxy", |point| shadows(point, Shadows::Proxy)),
                 ("off", |point| {
                     point.frame.shadows = Shadows::Off;
                     point.frame.near = Near::Off;
                 }),
             ],
         ),
+        Knob::numbers("bounces", "bounces", if quick { &[1, BOUNCES] } else { &[1, 2, 4, BOUNCES] }, bounces),
         Knob::choices(
             "near",
             "short rays per pixel / distance between pixels with rays",
@@ -227,7 +251,7 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
         ),
         Knob::choices(
             "cluster",
-            "least distance of clusters in radii, without shadows",
+            "least distance of clusters in radii, one bounce without shadows",
             &clusters[..if quick { 3 } else { 5 }],
         ),
     ]
@@ -236,11 +260,10 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Quality;
 
     fn base() -> Point {
         Point {
-            frame: Knobs::at(Quality::High, 2000, [64, 36]),
+            frame: Knobs { bounces: BOUNCES, ..Knobs::at(Quality::High, 2000, [64, 36]) },
             caches: 2000,
             references: 8,
             angle: 1.0,
@@ -254,12 +277,12 @@ mod tests {
         for (i, point) in sweep.points.iter().enumerate() {
             assert!(!sweep.points[..i].contains(point), "{point:?} comes twice");
         }
-        // With and without shadows: 5 cache counts (four and the default) by 4 RSMs, and one alternative each of three
-        // other knobs. One further kind of shadows, with and without rays. Four variants of rays. Four cluster
-        // distances.
-        assert_eq!(sweep.points.len(), 2 * (5 * 4 + 3) + 2 + 4 + 4);
+        // The default and one bounce without shadows: 5 cache counts (four and the default) by 4 RSMs, and one
+        // alternative each of three other knobs. Two further kinds of shadows, one of them also without rays. Three
+        // numbers of bounces, four variants of rays, four cluster distances.
+        assert_eq!(sweep.points.len(), 2 * (5 * 4 + 3) + 3 + 3 + 4 + 4);
         let pictured = sweep.points.iter().filter(|point| sweep.is_pictured(point)).count();
-        assert_eq!(pictured, 2 * (1 + 4 + 3 + 3) + 2 + 4 + 4);
+        assert_eq!(pictured, 2 * (1 + 4 + 3 + 3) + 3 + 3 + 4 + 4);
         assert_eq!(sweep.rsm_sides(), [32, 64, 128, 256]);
     }
 
