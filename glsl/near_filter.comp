@@ -1,4 +1,4 @@
-// Stage 8, second: combines the short rays of neighbouring pixels. Any square of NEAR_SIDE^2 pixels has all directions.
+// Stage 8, fourth: combines the short rays of neighbouring pixels. Any square of NEAR_SIDE^2 pixels has all directions.
 // The window is that wide with half-weighted borders, so that all directions count equally. METHOD 11.
 // variant near_filter_glossy.comp: GLOSSY (where a material has a glossy lobe)
 #include "shared.glsl"

@@ -1,4 +1,4 @@
-// Stage 8, second: the light of the surfaces that short rays hit, METHOD 11.
+// Stage 8, second: the light of the surfaces that short rays hit. METHOD 11.
 // variant near_hits_lit.comp: LIT (where surfaces hit also reflect the light of caches)
 // variant near_hits_sky.comp: SKY (where caches see a sky)
 // variant near_hits_lit_sky.comp: LIT SKY (both)
@@ -70,7 +70,7 @@ void light_hit(uint at) {
     HitSurface s = surface_at(hit, ray.start, ray.direction, abs(ray.spread));
     vec3 radiance = s.emission;
     if (push.reflects != 0u) {
-        // The number selects the light.
+        // The number selects the light. A part of the picture begins at a multiple of ALL workgroups.
         const uint ALL = NEAR_SIDE * NEAR_SIDE;
         uint i = at / gl_WorkGroupSize.x % push.slots;
         uint number = (i < push.rays ? i : i - push.rays) * ALL + gl_WorkGroupID.x % ALL;

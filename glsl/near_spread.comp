@@ -1,4 +1,4 @@
-// Stage 8, third: spreads the results of short rays over pixels between which indirect light cannot change much: their
+// Stage 8, fifth: spreads the results of short rays over pixels between which indirect light cannot change much: their
 // distance is small compared to that of the surfaces hit. Small bright sources are hit by few rays and would otherwise
 // show as spots. Runs several times with growing steps: Dammertz et al. 2010. METHOD 11. Lobes are spread over pixels
 // whose lobes look at the same place.

@@ -186,7 +186,7 @@ impl NearRays {
             let all: [Bind<'_>; 35] = [
                 b0, b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, // 0
                 (&world.light_buffer).into(), element.into(), (&world.draw_records).into(), (&self.directions).into(), // 12
-                (&out.pixels).into(), none, atlas.into(), // 16
+                (&out.pixels).into(), radiances.into(), atlas.into(), // 16
                 (&world.references).into(), (&world.instance_caches).into(), grids, entries, Bind::SomeTexels(atlas), // 19
                 (&surface.normal).into(), (&surface.specular).into(), lit.map_or(none, Bind::from), // 24
                 seen, open, texels, levels, world.cache_albedos().map_or(none, Bind::from), // 27

@@ -184,8 +184,7 @@ fn bounces(point: &mut Point, bounces: u32) {
 }
 
 /// The default of `render`.
-const BOUNCES: u32 = 16;
-const _: () = assert!(Quality::High.bounces() == BOUNCES);
+const BOUNCES: u32 = Quality::High.bounces();
 
 /// All knobs; add an entry to add one. Numeric knobs include the default's value.
 fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
