@@ -47,7 +47,7 @@ pub(crate) fn read() -> io::Result<Shipped> {
     Ok(Shipped { sources, shaders })
 }
 
-/// Decodes delta-coded SPIR-V, which packs a seventh smaller. The second operand of an instruction, most often the identifier
+/// Decodes delta-coded SPIR-V, which packs to seven tenths of the size. The second operand of an instruction, most often the identifier
 /// of its result, is stored as the difference from the second operand of the instruction before. The operands behind it are
 /// stored as differences from it.
 fn unfolded(folded: &[u8]) -> Vec<u8> {

@@ -1,17 +1,19 @@
-//! The shipped SPIR-V must be compiled from `glsl/`, without names and lines.
+//! The shipped SPIR-V must be compiled from `glsl/`, without names and lines, with identifiers in order of appearance.
 
 #[path = "../build/shipped.rs"]
 mod file;
 
 use lzma_rust2::{LzmaOptions, LzmaWriter};
 use std::io::Write;
+use std::process::{Command, Stdio};
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 
 /// Instructions for debuggers: sources, names, strings, lines, and how the module was compiled.
 const DEBUG: [u32; 9] = [2, 3, 4, 5, 6, 7, 8, 317, 330];
 
-/// A module without instructions that only debuggers read.
+/// A module without instructions that only debuggers read. Identifiers are renumbered in order of appearance. So modules with
+/// the same code have the same words, and pack together.
 fn stripped(spirv: &[u8]) -> Vec<u8> {
     let words: Vec<u32> = bytemuck::pod_collect_to_vec(spirv);
     let mut kept = words[..file::HEADER].to_vec();
@@ -23,7 +25,16 @@ fn stripped(spirv: &[u8]) -> Vec<u8> {
         }
         at += length;
     }
-    bytemuck::cast_slice(&kept).to_vec()
+    let optimizer = Command::new("spirv-opt")
+        .args(["--compact-ids", "-", "-o", "-"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn();
+    let mut optimizer = optimizer.expect("spirv-opt starts; ./scripts/setup installs it");
+    optimizer.stdin.take().expect("piped").write_all(bytemuck::cast_slice(&kept)).expect("spirv-opt reads");
+    let output = optimizer.wait_with_output().expect("spirv-opt ends");
+    assert!(output.status.success(), "spirv-opt: {}", output.status);
+    output.stdout
 }
 
 /// The inverse of `file::unfolded`.
