@@ -122,5 +122,7 @@ void main() {
 #endif
     }
     found.irradiance *= PI / float(RAYS);
+    found.far *= PI / float(RAYS);
+    found.all *= PI / float(RAYS);
     near_pixels[at.y * push.width + at.x] = found;
 }

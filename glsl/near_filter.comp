@@ -97,6 +97,7 @@ void main() {
     }
     sum.irradiance /= weights;
     sum.crowding /= weights;
+    sum.light = dot(sum.irradiance + far / weights, vec3(0.2126, 0.7152, 0.0722));
     // If the nearest caches have no light, assume that light comes equally from all directions.
     sum.open = mix(vec3(open / weights), far / max(all, 1e-37), greaterThan(all, vec3(0.0)));
     sum.open_sky = mix(vec3(open / weights), open_sky / max(all_sky, 1e-37), greaterThan(all_sky, vec3(0.0)));

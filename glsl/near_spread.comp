@@ -56,12 +56,17 @@ void main() {
             sky_weights += sky_share;
             sum.open_sky += sky_share * p.open_sky;
             share *= exp(-NEAR_SPREAD * dot(d, d) * crowding * crowding);
+            // Across an edge between bright and dark nothing is spread.
+            float stops = log2((own.light + 1e-20) / (p.light + 1e-20));
+            share *= exp(-stops * stops);
+            sum.light += share * p.light;
             weights += share;
             sum.irradiance += share * p.irradiance;
             sum.open += share * p.open;
         }
         sum.irradiance /= weights;
         sum.open /= weights;
+        sum.light /= weights;
         sum.open_sky /= sky_weights;
 #ifdef GLOSSY
         sum.glossy /= lobe_weights;

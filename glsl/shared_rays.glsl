@@ -104,7 +104,7 @@ struct NearRay {
 struct NearPixel {
     vec3 irradiance; // from the surfaces hit [lx]
     float open; // share of rays that hit nothing
-    vec3 far; // sum of the caches' radiance along the rays that hit nothing [cd/m^2]
+    vec3 far; // irradiance by the caches' radiance along the rays that hit nothing [lx]
     uint is_surface; // 0: the pixel shows no surface
     vec3 all; // as `far`, along all rays
     float crowding; // mean reciprocal length of the rays, up to their hit or their reach [1/m]
@@ -149,7 +149,7 @@ struct NearLight {
     vec3 mirrored; // unit axis of the lobe
     vec3 open_sky; // share of the sky's light along the rays that reach it
     float sky_crowding; // mean reciprocal distance of what hides the sky [1/m]
-    float unused; // fills a texel
+    float light; // luminance of the irradiance from surfaces hit and from caches along other rays [lx]
 };
 
 // Where to find the caches of a surface that a ray hits.

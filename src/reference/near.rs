@@ -195,6 +195,8 @@ pub struct Found {
     pub sky_crowding: f64,
     /// Mean reciprocal length of the rays \[1/m\].
     pub crowding: f64,
+    /// Luminance of the irradiance from the surfaces hit and of the caches' light along the other rays \[lx\].
+    pub light: f64,
     /// Position of the surface.
     pub position: DVec3,
     /// Unit vertex normal.
@@ -218,7 +220,7 @@ pub fn alike(d: DVec3, normal: DVec3, other: DVec3) -> f64 {
 pub fn spread(found: &[Option<Found>], [width, height]: [usize; 2], step: usize) -> Vec<Option<Found>> {
     let of_pixel = |index: usize| {
         let own = found[index]?;
-        let (mut irradiance, mut open, mut weights) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+        let (mut irradiance, mut open, mut light, mut weights) = (DVec3::ZERO, DVec3::ZERO, 0.0, 0.0);
         let (mut open_sky, mut sky_weights) = (DVec3::ZERO, 0.0);
         for (dx, dy) in (-1..=1_isize).flat_map(|dy| (-1..=1_isize).map(move |dx| (dx, dy))) {
             let x = (index % width).checked_add_signed(dx * step as isize).filter(|x| *x < width);
@@ -229,7 +231,9 @@ pub fn spread(found: &[Option<Found>], [width, height]: [usize; 2], step: usize)
                 let near = 0.5_f64.powi((dx.abs() + dy.abs()) as i32) * alike(d, own.normal, p.normal);
                 if (dx, dy) == (0, 0) { 1.0 } else { near * (-(5.0 * d.length() * crowding).powi(2)).exp() }
             };
-            let by_light = weight(own.crowding.max(p.crowding));
+            let stops = ((own.light + 1e-20) / (p.light + 1e-20)).log2();
+            let by_light = weight(own.crowding.max(p.crowding)) * (-stops * stops).exp();
+            light += by_light * p.light;
             irradiance += by_light * p.irradiance;
             open += by_light * p.open;
             weights += by_light;
@@ -238,7 +242,7 @@ pub fn spread(found: &[Option<Found>], [width, height]: [usize; 2], step: usize)
             sky_weights += by_sky;
         }
         let [irradiance, open] = [irradiance, open].map(|sum| sum / weights);
-        Some(Found { irradiance, open, open_sky: open_sky / sky_weights, ..own })
+        Some(Found { irradiance, open, open_sky: open_sky / sky_weights, light: light / weights, ..own })
     };
     (0..found.len()).map(of_pixel).collect()
 }
