@@ -1,6 +1,6 @@
 //! Reads the SPIR-V shipped with the sources, `build/shaders.lzma`. With it, only those who change shaders need a shader
-//! compiler. It has no debug names or lines, and is packed by LZMA. The test `shipped` compares it with a fresh compile, and
-//! renews it.
+//! compiler. It has no debug names or lines, its identifiers are in order of appearance, and it is packed by LZMA. The test
+//! `shipped` compares it with a fresh compile, and renews it.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -47,9 +47,9 @@ pub(crate) fn read() -> io::Result<Shipped> {
     Ok(Shipped { sources, shaders })
 }
 
-/// Decodes delta-coded SPIR-V, which packs to seven tenths of the size. The second operand of an instruction, most often the identifier
-/// of its result, is stored as the difference from the second operand of the instruction before. The operands behind it are
-/// stored as differences from it.
+/// Decodes delta-coded SPIR-V, which packs smaller. The second operand of an instruction, most often the identifier of its
+/// result, is stored as the difference from the second operand of the instruction before. The operands behind it are stored
+/// as differences from it.
 fn unfolded(folded: &[u8]) -> Vec<u8> {
     let word = |bytes: &[u8]| bytes.iter().rev().fold(0, |sum: u32, byte| sum << 8 | u32::from(*byte));
     let mut words: Vec<u32> = folded.chunks(4).map(word).collect();

@@ -56,7 +56,7 @@ void main() {
             sky_weights += sky_share;
             sum.open_sky += sky_share * p.open_sky;
             share *= exp(-NEAR_SPREAD * dot(d, d) * crowding * crowding);
-            // Across an edge between bright and dark nothing is spread.
+            // Little is spread between bright and dark, as around the edge of an arch.
             float stops = log2((own.light + 1e-20) / (p.light + 1e-20));
             share *= exp(-stops * stops);
             sum.light += share * p.light;
