@@ -1,5 +1,5 @@
 // Stage 8, third: what a pixel's short rays bring. Surfaces hit add their own light and block the caches' light from that
-// direction. METHOD 11.
+// direction. Where caches disagree, only the surface hit counts. METHOD 11.
 // variant near_glossy.comp: GLOSSY (where a material has a glossy lobe)
 // variant near_sky.comp: SKY (where caches see a sky)
 // variant near_glossy_sky.comp: GLOSSY SKY (both)
@@ -8,30 +8,20 @@
 layout(local_size_x = 64) in;
 #include "lib/near_rays.glsl"
 layout(binding = 16, scalar) writeonly buffer Near { NearPixel near_pixels[]; };
-layout(binding = 17, scalar) readonly buffer Radiances { uint radiances[]; }; // per cache and direction [cd/m^2]
 #ifdef SKY
 #define SKY_BINDING 29
 #include "lib/sky.glsl"
 #endif
 layout(binding = 32, scalar) readonly buffer Rays { NearRay near_rays[]; };
 
-// Radiance [cd/m^2] from far surfaces in a direction: weighted sum over the caches `at` with weights `w`.
-vec3 far_radiance(uvec3 at, vec3 w, vec3 direction) {
-    uint index = direction_index(direction);
-    vec3 sum = vec3(0.0);
-    for (uint i = 0u; i < 3u; ++i) {
-        sum += at[i] == NO_REFERENCES ? vec3(0.0) : w[i] * unpack_radiance(radiances[at[i] * DIRECTIONS + index]);
-    }
-    return sum;
-}
-
 #ifdef GLOSSY
 // Weight of a direction's radiance in a lobe, divided by the density of directions. These are sampled by the cosine
-// about the vertex normal and by the lobe, with this number of rays. Veach and Guibas 1995, balance heuristic.
-float share_of(Lobe lobe, float rays, vec3 direction, vec3 n) {
+// about the vertex normal, by `guided` rays per solid angle [1/sr], and by the lobe with this number of rays. Veach and
+// Guibas 1995, balance heuristic.
+float share_of(Lobe lobe, float rays, float guided, vec3 direction, vec3 n) {
     float by_cosine = float(RAYS) * max(dot(direction, n), 0.0) / PI;
     float by_lobe = lobe_density(lobe, direction);
-    return lobe_weight(lobe, direction) * by_lobe / max(by_cosine + rays * by_lobe, 1e-30);
+    return lobe_weight(lobe, direction) * by_lobe / max(by_cosine + guided + rays * by_lobe, 1e-30);
 }
 #endif
 
@@ -59,7 +49,7 @@ void main() {
     // The sky's radiance is a weight, so it is slightly above 0 everywhere.
     float least_sky = 1e-4 / PI * dot(sky_at(SKY_IRRADIANCE, n), LUMINANCE);
 #endif
-    uint count = RAYS;
+    uint count = RAYS + GUIDED;
 #ifdef GLOSSY
     NearLobe l = lobe_shown(s);
     bool endless = l.narrow > 0.0;
@@ -77,15 +67,22 @@ void main() {
     for (uint i = 0u; i < count; ++i) {
         NearRay ray = near_rays[ray_slot(i)];
         vec3 direction = ray.direction;
-        bool by_lobe = i >= RAYS;
+        bool by_lobe = i >= RAYS + GUIDED;
         if (ray.spread == 0.0) {
             continue;
         }
         // A ray below the triangle's plane was mirrored above it. The lookup of far light keeps the original direction,
         // since caches know only vertex normals.
-        vec3 far = far_radiance(around, shares, by_lobe ? direction : direction_about(n, i, subset));
+        vec3 way = i < RAYS ? direction_about(n, i, subset) : direction;
+        FarLight known = far_light(around, shares, way);
+        // Where caches disagree, the ray is endless.
+        vec3 far = known.unsure ? vec3(0.0) : known.radiance;
+        float by_guides = dot(way, s.geometric) > 0.0 ? float(GUIDED) * known.guided : 0.0;
+        float cosine = max(dot(way, n), 0.0);
+        // Balance heuristic over rays about the normal and guided ones.
+        float weight = cosine / max(float(RAYS) / PI * cosine + by_guides, 1e-30);
         bool hides = ray.triangle != NO_HIT;
-        bool met = hides && (ray.spread < 0.0 || ray.distance < push.reach);
+        bool met = hides && (ray.spread < 0.0 || known.unsure || ray.distance < push.reach);
         vec3 arrives = met ? ray.start : vec3(0.0);
 #ifdef SKY
         float open = sky_open(around, shares, direction);
@@ -94,11 +91,13 @@ void main() {
         float sky_luminance = dot(radiance, LUMINANCE);
 #endif
         if (!by_lobe) {
-            found.all += far;
-            found.crowding += 1.0 / (float(RAYS) * max(met ? ray.distance : push.reach, 1e-30));
-            found.far += met ? vec3(0.0) : far;
+            found.all += weight * known.radiance;
+            found.far += met ? vec3(0.0) : weight * far;
+            found.irradiance += weight * arrives;
+        }
+        if (i < RAYS) {
+            found.crowding += 1.0 / (float(RAYS) * max(met ? min(ray.distance, push.reach) : push.reach, 1e-30));
             found.open += met ? 0.0 : 1.0 / float(RAYS);
-            found.irradiance += arrives;
 #ifdef SKY
             found.all_sky += radiance;
             found.hidden_sky += hides ? sky_luminance * vec2(1.0, 1.0 / max(ray.distance, 1e-30)) : vec2(0.0);
@@ -107,8 +106,8 @@ void main() {
         }
 #ifdef GLOSSY
         if (l.rays > 0u) {
-            bool is_near = met && ray.distance <= push.reach;
-            float wide_share = l.narrow < 1.0 ? (1.0 - l.narrow) * share_of(l.lobe, float(l.rays), direction, n) : 0.0;
+            bool is_near = met && (known.unsure || ray.distance <= push.reach);
+            float wide_share = l.narrow < 1.0 ? (1.0 - l.narrow) * share_of(l.lobe, float(l.rays), by_guides, direction, n) : 0.0;
             float narrow_share = by_lobe ? of_lobe * l.narrow * lobe_weight(l.lobe, direction) : 0.0;
             found.glossy += narrow_share * arrives;
             found.glossy += wide_share * (is_near ? arrives : far);
@@ -121,8 +120,5 @@ void main() {
         }
 #endif
     }
-    found.irradiance *= PI / float(RAYS);
-    found.far *= PI / float(RAYS);
-    found.all *= PI / float(RAYS);
     near_pixels[at.y * push.width + at.x] = found;
 }

@@ -73,7 +73,7 @@ void light_hit(uint at) {
         // The number selects the light. A part of the picture begins at a multiple of ALL workgroups.
         const uint ALL = NEAR_SIDE * NEAR_SIDE;
         uint i = at / gl_WorkGroupSize.x % push.slots;
-        uint number = (i < push.rays ? i : i - push.rays) * ALL + gl_WorkGroupID.x % ALL;
+        uint number = (i < push.rays ? i : i < push.guided ? i - push.rays : i - push.guided) * ALL + gl_WorkGroupID.x % ALL;
         vec3 chance = fract(0.5 + float(number) * vec3(0.8191725134, 0.6710436067, 0.5497004779));
         radiance += reflected_direct(s, ray.direction, push.light_count, push.first_sky_light, push.sky_light_count, push.root, chance);
     }

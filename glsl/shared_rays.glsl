@@ -55,6 +55,17 @@ struct HitTexture {
 const uint DIRECTION_SIDE = 12u;
 const uint DIRECTIONS = 144u;
 
+// Parts of equal illuminance into which a cache's light is divided, in the order of directions. Guided rays follow them.
+const uint GUIDES = 32u;
+
+// What guides the rays of pixels, per cache: a word per direction, then the directions of all parts, a byte each. A
+// direction's word is a float, the greatest luminance of it and its neighbours [cd/m^2]; its low 8 bits are the
+// direction's number of parts instead.
+const uint GUIDE_WORDS = 152u;
+
+// Direction of a part of a cache without light.
+const uint NO_DIRECTION = 255u;
+
 // A latitude-longitude grid of a sky.
 struct SkyLevel {
     uint first; // into all texels
@@ -103,11 +114,11 @@ struct NearRay {
 // Result of the short rays of one pixel.
 struct NearPixel {
     vec3 irradiance; // from the surfaces hit [lx]
-    float open; // share of rays that hit nothing
-    vec3 far; // irradiance by the caches' radiance along the rays that hit nothing [lx]
+    float open; // share of the rays about the normal that hit nothing
+    vec3 far; // irradiance by the caches' radiance along the rays that hit nothing and on which caches agree [lx]
     uint is_surface; // 0: the pixel shows no surface
-    vec3 all; // as `far`, along all rays
-    float crowding; // mean reciprocal length of the rays, up to their hit or their reach [1/m]
+    vec3 all; // irradiance by the caches' radiance along all rays [lx]
+    float crowding; // mean reciprocal length of the rays about the normal, up to their hit or one cache spacing [1/m]
     vec3 position; // of the surface
     float nearness; // reciprocal length of the lobe's ray [1/m]
     vec3 normal; // unit vertex normal
@@ -186,7 +197,8 @@ struct NearHitsPush {
     float cache_reach; // distance up to which caches count at a point [m]
     float seen_lift; // of both ends of a ray between a hit and a cache [m]
     uint root; // of the hierarchy
-    uint rays; // per pixel, without those of its lobe
+    uint rays; // per pixel, without guided ones and those of its lobe
+    uint guided; // rays per pixel, without those of its lobe
     uint slots; // rays that a pixel may have
     uint light_count;
     uint reflects; // 1: hit surfaces reflect the lights

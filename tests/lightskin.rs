@@ -69,6 +69,7 @@ mod malformed;
 mod media;
 mod moving;
 mod near;
+mod near_rays;
 mod nets;
 mod normal_maps;
 mod occlude;

@@ -20,6 +20,12 @@ float direction_solid_angle(uint index) {
     return STEP * STEP * inversesqrt(d2) / d2;
 }
 
+// Texels per solid angle [1/sr] at a unit direction. The texels divide the octahedron |x| + |y| + |z| = 1 evenly.
+float directions_per_solid_angle(vec3 direction) {
+    float length_ = abs(direction.x) + abs(direction.y) + abs(direction.z);
+    return float(DIRECTION_SIDE * DIRECTION_SIDE) / (4.0 * length_ * length_ * length_);
+}
+
 // Packs a radiance into 32 bits: 8 bits per channel and a shared exponent. Values below 1e-35 become 0, because the
 // exponent's range ends.
 uint pack_radiance(vec3 radiance) {

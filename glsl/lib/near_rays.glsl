@@ -1,5 +1,5 @@
 // Pixels with short rays: the surface that each shows, and the slots of its rays. METHOD 11. The including shader has
-// lib/hit.glsl. Uses bindings 13 to 15, 18 to 23, with GLOSSY 24 and 25, and with SKY 28; constants 4 to 6.
+// lib/hit.glsl. Uses bindings 13 to 15, 17 to 23 and 35, with GLOSSY 24 and 25, and with SKY 28; constants 4 to 6.
 #ifndef NEAR_RAYS_GLSL
 #define NEAR_RAYS_GLSL
 #include "lib/triangle.glsl"
@@ -11,7 +11,7 @@
 #include "lib/lobe.glsl"
 #endif
 
-layout(constant_id = 4) const uint RAYS = 8; // per pixel, without those of its lobe
+layout(constant_id = 4) const uint RAYS = 8; // per pixel about its normal
 layout(constant_id = 5) const uint REFERENCES = 8;
 layout(constant_id = 6) const uint BY_CELLS = 0; // 1: references are stored per cell
 layout(push_constant, scalar) uniform Push { NearRaysPush push; };
@@ -29,7 +29,16 @@ layout(binding = 25) uniform sampler2D specular_image;
 layout(binding = 28, scalar) readonly buffer Open { uint open_parts[]; }; // per cache and direction: open quarters, 8 bits each
 #endif
 
+layout(binding = 17, scalar) readonly buffer Radiances { uint radiances[]; }; // per cache and direction [cd/m^2]
+layout(binding = 35, scalar) readonly buffer Guides { uint guides[]; }; // GUIDE_WORDS values per cache
 const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
+
+// Caches disagree on a direction if one of them finds, in it and around it, less than this share of the greatest luminance
+// that one finds in it.
+const float AGREE = 0.3;
+
+// Guided rays per pixel: their directions are those that caches receive most light from.
+const uint GUIDED = (RAYS + 3u) / 4u;
 
 // Pixels of a square that has all directions.
 const uint ALL = NEAR_SIDE * NEAR_SIDE;
@@ -48,9 +57,9 @@ uvec2 traced_pixel(out uint subset) {
 
 // Rays that a pixel may have.
 #ifdef GLOSSY
-const uint SLOTS = RAYS + LOBE_RAYS;
+const uint SLOTS = RAYS + GUIDED + LOBE_RAYS;
 #else
-const uint SLOTS = RAYS;
+const uint SLOTS = RAYS + GUIDED;
 #endif
 
 // Index of one of this pixel's rays. Neighbouring threads have neighbouring indices.
@@ -139,6 +148,54 @@ NearLobe lobe_shown(NearSurface s) {
     return l;
 }
 #endif
+
+// What caches know of far surfaces in a direction.
+struct FarLight {
+    vec3 radiance; // [cd/m^2]
+    bool unsure; // whether the caches disagree
+    float guided; // density of a guided ray [1/sr]
+};
+
+// Weighted sum over the caches `at` with weights `w`.
+FarLight far_light(uvec3 at, vec3 w, vec3 direction) {
+    uint index = direction_index(direction);
+    FarLight far = FarLight(vec3(0.0), false, 0.0);
+    float least = 3e38;
+    float most = 0.0;
+    for (uint i = 0u; i < 3u; ++i) {
+        if (at[i] != NO_REFERENCES && w[i] > 0.0) {
+            vec3 radiance = unpack_radiance(radiances[at[i] * DIRECTIONS + index]);
+            uint guide = guides[at[i] * GUIDE_WORDS + index];
+            far.radiance += w[i] * radiance;
+            far.guided += w[i] * float(guide & 0xffu);
+            most = max(most, dot(radiance, LUMINANCE));
+            least = min(least, uintBitsToFloat(guide & ~0xffu));
+        }
+    }
+    far.unsure = least < AGREE * most;
+    far.guided *= directions_per_solid_angle(direction) / float(GUIDES);
+    return far;
+}
+
+// Direction of a guided ray, by the caches `at` with weights `w`; zero if the chosen cache has no light. The rays of a
+// square of pixels are spread evenly over a cache's parts. `square`: its column and row. Each square has its own directions:
+// with the same ones everywhere, some light would never be found.
+vec3 guided_direction(uvec3 at, vec3 w, uint i, uint subset, uvec2 square) {
+    const vec4 STEP = vec4(0.8566748838, 0.7338918566, 0.6287067210, 0.5385968675);
+    uint number = i * ALL + subset;
+    vec4 chance = fract(0.5 + float(number) * STEP + float(square.x) * STEP.wxyz + float(square.y) * STEP.zwxy);
+    uint cache = chance.x < w.x ? at.x : chance.x < w.x + w.y ? at.y : at.z;
+    uint part = min(uint((float(number) + chance.y) * (float(GUIDES) / float(GUIDED * ALL))), GUIDES - 1u);
+    if (cache == NO_REFERENCES) {
+        return vec3(0.0);
+    }
+    uint index = guides[cache * GUIDE_WORDS + DIRECTIONS + part / 4u] >> (8u * (part % 4u)) & 0xffu;
+    if (index == NO_DIRECTION) {
+        return vec3(0.0);
+    }
+    vec2 place = vec2(index % DIRECTION_SIDE, index / DIRECTION_SIDE) + chance.zw;
+    return octahedral_decode(place * (2.0 / float(DIRECTION_SIDE)) - 1.0);
+}
 
 #ifdef SKY
 // Share of a direction that is open to the sky, by the caches `at` with weights `w`. Without caches nothing is known: a

@@ -62,7 +62,8 @@ pub(super) struct DrawingArgs {
     /// Light and occlusion from surfaces within one cache spacing [default: rays at --quality high].
     #[arg(long, help_heading = QUALITY, value_enum)]
     near: Option<NearArg>,
-    /// Short rays per traced pixel; 16 neighbouring pixels share their rays [default: 8 at --quality high].
+    /// Short rays per traced pixel, and a quarter as many more towards bright regions; 16 neighbouring pixels share their
+    /// rays [default: 8 at --quality high].
     #[arg(long, help_heading = QUALITY, hide_short_help = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32))]
     near_rays: Option<u32>,
     /// Trace short rays at every N-th pixel of every N-th row [default: 2 at --quality high, 1 below 640x360 pixels].

@@ -9,7 +9,7 @@ use super::live::Live;
 use super::proxies::Lit;
 use crate::error::Result;
 use crate::gpu::{Bind, Buffer, Cmd, Device, Pipeline};
-use crate::shared::{DIRECTIONS, DirectionsPush, LiveArgs, VAL_TILE, Val};
+use crate::shared::{DIRECTIONS, DirectionsPush, GUIDE_WORDS, LiveArgs, VAL_TILE, Val};
 use std::mem::offset_of;
 
 /// Threads per cache on a GPU. Software devices have as many lanes as there are maps, which then need not take turns.
@@ -19,6 +19,8 @@ const THREADS: u32 = 128;
 pub(super) struct Directions {
     /// Incoming radiance \[cd/m^2\], packed, `DIRECTIONS` values per cache.
     pub(super) radiances: Buffer,
+    /// What guides the rays of pixels, `GUIDE_WORDS` values per cache.
+    pub(super) guides: Buffer,
     pipeline: Pipeline,
     /// Squared distances between which VALs fade in [m^2].
     pub(super) fade: [f32; 2],
@@ -51,6 +53,7 @@ impl Directions {
             (true, true) => "directions_shadowed_traced.comp",
         };
         Ok(Self {
+            guides: gpu.buffer("directions.guides", u64::from(caches.max(1)) * u64::from(4 * GUIDE_WORDS))?,
             radiances: gpu.buffer("directions.radiances", bytes)?,
             pipeline: gpu.compute(name, &constants[..3 + usize::from(shadowed)])?,
             fade: [0.8, 1.2].map(|share| (share * near).powi(2)),
@@ -79,6 +82,7 @@ impl Directions {
                 None => resources.extend([val_count.into(), vals.into(), Bind::SomeTexels(vals), scales.into()]),
             }
         }
+        resources.push((&self.guides).into());
         cmd.bind(&self.pipeline, &resources);
         let [begin, end] = self.fade;
         cmd.push(&DirectionsPush { near_begin: begin, near_scale: 1.0 / (end - begin), together: self.together });

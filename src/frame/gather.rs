@@ -113,6 +113,11 @@ impl Gather {
         if let Self::Compute(by) = self { Some(&by.near.as_ref()?.radiances) } else { None }
     }
 
+    /// What guides short rays, `GUIDE_WORDS` values per cache.
+    pub fn guides(&self) -> Option<&Buffer> {
+        if let Self::Compute(by) = self { Some(&by.near.as_ref()?.guides) } else { None }
+    }
+
     /// The sums of VALs' light, one after the other; `None` for other gathers than the compute shader's.
     pub(super) fn sums(&self) -> Option<Sums<'_>> {
         let Self::Compute(by) = self else { return None };

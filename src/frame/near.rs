@@ -103,6 +103,11 @@ pub(super) fn as_texels(gpu: &Device) -> u32 {
     u32::from(gpu.reads_texels(gpu.most_buffer_bytes()))
 }
 
+/// Guided rays of a pixel with this many rays about its normal.
+pub fn guided(rays: u32) -> u32 {
+    rays.div_ceil(4)
+}
+
 /// Workgroups whose rays are kept at once: a multiple of those that have all directions.
 fn groups_at_once(slots: u32) -> u32 {
     (RAYS_BYTES / (GROUP * slots * size_of::<NearRay>() as u32)).next_multiple_of(NEAR_SIDE * NEAR_SIDE)
@@ -125,7 +130,7 @@ impl NearRays {
         let (references, lit) = (world.references_each as u32, plan.bounces > 0);
         let constants = [stack, levels, texels, holes, per_pixel, references, by_cells];
         let sky = 2 * usize::from(plan.sky_light);
-        let slots = per_pixel + if plan.glossy { LOBE_RAYS } else { 0 };
+        let slots = per_pixel + guided(per_pixel) + if plan.glossy { LOBE_RAYS } else { 0 };
         let names = if plan.glossy {
             ["near_filter_glossy.comp", "near_spread_glossy.comp"]
         } else {
@@ -159,7 +164,7 @@ impl NearRays {
         &self,
         cmd: &Cmd<'_>,
         world: &World,
-        (atlas, radiances): (&Buffer, &Buffer),
+        (atlas, [radiances, guides]): (&Buffer, [&Buffer; 2]),
         (lit, sky): (Option<&Buffer>, Option<[&Buffer; 2]>),
         waits: bool,
         views: impl Iterator<Item = (&'a View, &'a Surface, &'a NearPixels)> + Clone,
@@ -183,14 +188,14 @@ impl NearRays {
             let of_sky = world.sky_light.as_ref().map(|sky| [&sky.texels, &sky.levels].map(Bind::from));
             let [texels, levels] = of_sky.unwrap_or([none; 2]);
             #[rustfmt::skip]
-            let all: [Bind<'_>; 35] = [
+            let all: [Bind<'_>; 36] = [
                 b0, b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, // 0
                 (&world.light_buffer).into(), element.into(), (&world.draw_records).into(), (&self.directions).into(), // 12
                 (&out.pixels).into(), radiances.into(), atlas.into(), // 16
                 (&world.references).into(), (&world.instance_caches).into(), grids, entries, Bind::SomeTexels(atlas), // 19
                 (&surface.normal).into(), (&surface.specular).into(), lit.map_or(none, Bind::from), // 24
                 seen, open, texels, levels, world.cache_albedos().map_or(none, Bind::from), // 27
-                (&self.rays).into(), (&self.lists).into(), (&self.counts).into(), // 32
+                (&self.rays).into(), (&self.lists).into(), (&self.counts).into(), guides.into(), // 32
             ];
             let bind = |pipeline: &Pipeline| {
                 let used: Vec<_> = pipeline.bindings().map(|i| all[i as usize]).collect();
@@ -229,6 +234,7 @@ impl NearRays {
                     seen_lift: (SEEN_LIFT * world.spacing()) as f32,
                     root: rays.root,
                     rays: self.near.per_pixel(),
+                    guided: self.near.per_pixel() + guided(self.near.per_pixel()),
                     slots: self.slots,
                     light_count: world.lights().len() as u32,
                     reflects: u32::from(self.reflects),

@@ -197,7 +197,7 @@ fn record_start(cmd: &Cmd<'_>, world: &World, light: &Light, views: &[(View, &mu
         if let (true, Some(near)) = (some_surface || outdated.proxies, &caches.near) {
             let _zone = enter(plan::NEAR); // 8
             let seen = shown().flat_map(|(view, p)| p.near().map(move |(surface, near)| (view, surface, near)));
-            if let Some(radiances) = caches.gather.radiances() {
+            if let Some(far) = caches.gather.radiances().zip(caches.gather.guides()) {
                 // The barriers for listed elements or drawn RSMs already waited for all images, and the occlusion stage
                 // waited for the light that it dims. With cells, no stage reads proxies before the pixels do, unless
                 // light enters translucent bodies.
@@ -210,7 +210,7 @@ fn record_start(cmd: &Cmd<'_>, world: &World, light: &Light, views: &[(View, &mu
                     caches.gather.cache_vals(),
                     caches.sky.as_ref().map(|(of_caches, _)| [&of_caches.seen, &of_caches.open]),
                 );
-                near.record(cmd, world, (&caches.atlas.caches, radiances), of_caches, waits, seen);
+                near.record(cmd, world, (&caches.atlas.caches, far.into()), of_caches, waits, seen);
             }
         }
         let shaded = || {

@@ -7,7 +7,7 @@ use super::depth_image::tangents;
 use super::light::facing_irradiance;
 use super::world::{Sides, Surface, World};
 use crate::scene::{Light, LightKind, luminance, material};
-use crate::shared::{DIRECTION_SIDE, DIRECTIONS, Val};
+use crate::shared::{DIRECTION_SIDE, DIRECTIONS, GUIDE_WORDS, GUIDES, NEAR_SIDE, NO_DIRECTION, Val};
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
@@ -28,15 +28,17 @@ pub fn direction_index(way: DVec3) -> usize {
     texel(fold(on.y, on.x)) * DIRECTION_SIDE as usize + texel(fold(on.x, on.y))
 }
 
+/// Middle of a direction's texel on the unfolded octahedron, in the square from -1 to 1.
+fn texel_middle(index: usize) -> [f64; 2] {
+    let side = DIRECTION_SIDE as usize;
+    [index % side, index / side].map(|i| (i as f64 + 0.5) / side as f64 * 2.0 - 1.0)
+}
+
 /// Solid angle \[sr\] of a direction's square on the octahedron, evaluated at its centre.
 pub fn solid_angle(index: usize) -> f64 {
-    let side = f64::from(DIRECTION_SIDE);
-    let middle = |i: usize| (i as f64 + 0.5) / side * 2.0 - 1.0;
-    let (x, y) = (middle(index % DIRECTION_SIDE as usize), middle(index / DIRECTION_SIDE as usize));
-    let z = 1.0 - x.abs() - y.abs();
-    let on = if z < 0.0 { DVec3::new(1.0 - y.abs(), 1.0 - x.abs(), z) } else { DVec3::new(x, y, z) };
+    let [x, y] = texel_middle(index);
     // The face's area is sqrt(3) times its projection, seen under the cosine 1 / (sqrt(3) |on|).
-    (2.0 / side).powi(2) / on.length().powi(3)
+    (2.0 / f64::from(DIRECTION_SIDE)).powi(2) / on_octahedron(x, y).length().powi(3)
 }
 
 /// Radiance [cd/m^2] from the device's packed form: 8 bits a channel and a shared exponent.
@@ -106,8 +108,146 @@ pub fn reflected_direct(world: &World<'_>, surface: &Surface, looking: DVec3) ->
     world.scene().lights.iter().map(given).sum()
 }
 
-/// Unit directions of a point's rays: `numbers` selects them out of `count`. The point's unit normals are the triangle's
-/// and the interpolated vertex normal.
+/// Direction at a place of the octahedron, unfolded into the square from -1 to 1.
+fn on_octahedron(x: f64, y: f64) -> DVec3 {
+    let z = 1.0 - x.abs() - y.abs();
+    let folded = |a: f64, b: f64| if z < 0.0 { (1.0 - b.abs()).copysign(a) } else { a };
+    DVec3::new(folded(x, y), folded(y, x), z)
+}
+
+/// Where most of a cache's light comes from: how many of [`GUIDES`] parts of equal illuminance each direction has.
+/// `radiances` by direction [cd/m^2], `normal` of the cache.
+pub fn part_counts(radiances: &[DVec3], normal: DVec3) -> Vec<u32> {
+    let illuminance = |(i, radiance): (usize, &DVec3)| {
+        let [x, y] = texel_middle(i);
+        let cosine = on_octahedron(x, y).normalize().dot(normal);
+        luminance(*radiance) * solid_angle(i) * cosine.max(0.1)
+    };
+    let light: Vec<f64> = radiances.iter().enumerate().map(illuminance).collect();
+    let total: f64 = light.iter().sum();
+    let mut sum = 0.0;
+    let mut part_after = |light: f64| {
+        let before = sum;
+        sum += light;
+        [before, sum].map(|sum| if total > 0.0 { (sum / total * f64::from(GUIDES)).round() } else { 0.0 } as u32)
+    };
+    light.into_iter().map(|light| part_after(light)).map(|[before, after]| after - before).collect()
+}
+
+/// Light of caches by direction, as the device stores it.
+pub struct FarLight<'a> {
+    /// Packed radiance [cd/m^2], [`DIRECTIONS`] values per cache.
+    pub radiances: &'a [u32],
+    /// What guides rays, [`GUIDE_WORDS`] values per cache.
+    pub guides: &'a [u32],
+}
+
+/// One of a point's rays.
+#[derive(Clone, Copy, Debug)]
+pub struct NearRay {
+    /// Unit direction.
+    pub way: DVec3,
+    /// Length \[m\]; infinite where caches disagree.
+    pub reach: f64,
+    /// Projected solid angle that the ray stands for \[sr\].
+    pub weight: f64,
+    /// Radiance from far surfaces, as caches know it [cd/m^2].
+    pub far: DVec3,
+}
+
+impl FarLight<'_> {
+    /// Number of a cache's parts in a direction.
+    fn parts(&self, cache: usize, texel: usize) -> u32 {
+        self.guides[cache * GUIDE_WORDS as usize + texel] & 0xff
+    }
+
+    /// Direction of one of a cache's parts; [`NO_DIRECTION`] if it has no light.
+    fn part_direction(&self, cache: usize, part: u32) -> u32 {
+        self.guides[(cache as u32 * GUIDE_WORDS + DIRECTIONS + part / 4) as usize] >> (8 * (part % 4)) & 0xff
+    }
+
+    /// Greatest luminance [cd/m^2] of a direction and its eight neighbours, as a cache knows it.
+    fn luminance_about(&self, cache: usize, texel: usize) -> f64 {
+        let middle = texel_middle(texel);
+        let one = 2.0 / f64::from(DIRECTION_SIDE);
+        let beside = (-1..=1).flat_map(|j| (-1..=1).map(move |i| [f64::from(i), f64::from(j)])).map(|step| {
+            // Beyond its edge the square goes on as if turned about the edge's middle.
+            let [mut x, mut y] = [0, 1].map(|k| middle[k] + step[k] * one);
+            if x.abs() > 1.0 {
+                [x, y] = [2.0_f64.copysign(x) - x, -y];
+            }
+            if y.abs() > 1.0 {
+                [x, y] = [-x, 2.0_f64.copysign(y) - y];
+            }
+            direction_index(on_octahedron(x, y).normalize())
+        });
+        let known = |texel: usize| unpack_radiance(self.radiances[cache * DIRECTIONS as usize + texel]);
+        beside.map(|texel| luminance(known(texel))).fold(0.0, f64::max)
+    }
+
+    /// Rays of a point with the two unit `normals` of its triangle and its vertices: `each` about the vertex normal, and a
+    /// quarter as many guided ones. `x` and `y` are the column and row of its pixel. `caches` about the point have these
+    /// weights, which sum to 1, the greatest first.
+    pub fn rays(
+        &self,
+        caches: &[(usize, f64)],
+        [geometric, normal]: [DVec3; 2],
+        (each, [x, y]): (u32, [u32; 2]),
+        reach: f64,
+    ) -> Vec<NearRay> {
+        const SQUARE: u32 = NEAR_SIDE * NEAR_SIDE;
+        let (guided, square) = (each.div_ceil(4), [x, y].map(|at| at / NEAR_SIDE));
+        let subset = y % NEAR_SIDE * NEAR_SIDE + x % NEAR_SIDE;
+        let [tangent, bitangent] = tangents(normal);
+        let about = (0..each).map(|i| {
+            let local = direction(i * SQUARE + subset, each * SQUARE);
+            tangent * local.x + bitangent * local.y + normal * local.z
+        });
+        let follow = (0..guided).filter_map(|i| {
+            let number = i * SQUARE + subset;
+            let step = [0.8566748838, 0.7338918566, 0.6287067210, 0.5385968675];
+            let chance = |k: usize| {
+                let [x, y] = square.map(f64::from);
+                (0.5 + f64::from(number) * step[k] + x * step[(k + 3) % 4] + y * step[(k + 2) % 4]).fract()
+            };
+            let mut sum = 0.0;
+            let upto = |share: f64| {
+                sum += share;
+                sum
+            };
+            let ends: Vec<f64> = caches.iter().map(|(_, share)| *share).map(upto).collect();
+            let cache = ends.iter().position(|end| chance(0) < *end).unwrap_or(caches.len().checked_sub(1)?);
+            let part = (f64::from(number) + chance(1)) * f64::from(GUIDES) / f64::from(guided * SQUARE);
+            let to = self.part_direction(caches[cache].0, part as u32);
+            let side = DIRECTION_SIDE;
+            let at = |texel: u32, within: f64| (f64::from(texel) + within) / f64::from(side) * 2.0 - 1.0;
+            let way = on_octahedron(at(to % side, chance(2)), at(to / side, chance(3))).normalize();
+            (to != NO_DIRECTION && way.dot(normal) > 0.0 && way.dot(geometric) > 0.0).then_some(way)
+        });
+        let ray = |way: DVec3| {
+            let texel = direction_index(way);
+            let known = |cache: usize| unpack_radiance(self.radiances[cache * DIRECTIONS as usize + texel]);
+            let most = caches.iter().map(|(cache, _)| luminance(known(*cache))).fold(0.0, f64::max);
+            let agree = caches.iter().all(|(cache, _)| self.luminance_about(*cache, texel) >= 0.3 * most);
+            // Guided rays per solid angle. A texel is seen under 4 / side^2 times the cube of the cosine of its corner.
+            let parts: f64 = caches.iter().map(|(cache, share)| share * f64::from(self.parts(*cache, texel))).sum();
+            let texels = f64::from(DIRECTIONS) / 4.0 / way.abs().element_sum().powi(3);
+            let above = way.dot(geometric);
+            let guides = if above > 0.0 { f64::from(guided) * parts / f64::from(GUIDES) * texels } else { 0.0 };
+            let cosine = way.dot(normal).max(0.0);
+            NearRay {
+                way: way - 2.0 * above.min(0.0) * geometric,
+                reach: if agree { reach } else { f64::INFINITY },
+                weight: cosine / (f64::from(each) / PI * cosine + guides).max(1e-30),
+                far: caches.iter().map(|(cache, share)| *share * known(*cache)).sum(),
+            }
+        };
+        about.chain(follow).map(ray).collect()
+    }
+}
+
+/// Unit directions of a point's rays about its vertex normal: `numbers` selects them out of `count`. The point's unit
+/// normals are the triangle's and the interpolated vertex normal.
 fn ways(
     [geometric, normal]: [DVec3; 2],
     numbers: impl Iterator<Item = u32>,
@@ -119,29 +259,6 @@ fn ways(
         let way = tangent * local.x + bitangent * local.y + normal * local.z;
         way - 2.0 * way.dot(geometric).min(0.0) * geometric
     })
-}
-
-/// Irradiance \[lx\] from the surfaces within `reach` \[m\] that a point's rays hit, and which rays hit nothing.
-/// `normals`, `numbers` and `count` as for [`sky_along`].
-pub fn short_rays(
-    world: &World<'_>,
-    position: DVec3,
-    normals: [DVec3; 2],
-    numbers: impl Iterator<Item = u32>,
-    count: u32,
-    reach: f64,
-) -> (DVec3, Vec<bool>) {
-    let mut sum = DVec3::ZERO;
-    let mut open = Vec::new();
-    for way in ways(normals, numbers, count) {
-        let hit = world.nearest(position, way, Sides::Both).filter(|hit| hit.distance < reach);
-        open.push(hit.is_none());
-        if let Some(hit) = hit {
-            let surface = world.surface(&hit);
-            sum += surface.emission + reflected_direct(world, &surface, way);
-        }
-    }
-    (sum * (PI / open.len() as f64), open)
 }
 
 /// What a point's rays find of a sky.
