@@ -95,6 +95,8 @@ fn a_lamp_in_a_closed_ball_of_few_facets_lights_nothing_outside() {
         println!("{near:?}, {bounces} bounces: {:.1e} of the light inside is outside", outside / inside);
         println!("with vertex normals {:.1e}", leaned / inside);
         assert!(outside < 1e-4 * inside, "{near:?}, {bounces} bounces: {outside} of {inside}");
-        assert!(leaned > 1e-4 * inside, "{near:?}, {bounces} bounces: vertex normals would leak, too");
+        // Where caches disagree, rays find that most of this light is not there.
+        let leaks = if near == Near::Off { 1e-4 } else { 1e-6 };
+        assert!(leaned > leaks * inside, "{near:?}, {bounces} bounces: vertex normals would leak, too");
     }
 }

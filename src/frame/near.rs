@@ -104,7 +104,7 @@ pub(super) fn as_texels(gpu: &Device) -> u32 {
 }
 
 /// Guided rays of a pixel with this many rays about its normal.
-pub fn guided(rays: u32) -> u32 {
+fn guided(rays: u32) -> u32 {
     rays.div_ceil(4)
 }
 

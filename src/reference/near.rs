@@ -125,13 +125,15 @@ pub fn part_counts(radiances: &[DVec3], normal: DVec3) -> Vec<u32> {
     };
     let light: Vec<f64> = radiances.iter().enumerate().map(illuminance).collect();
     let total: f64 = light.iter().sum();
-    let mut sum = 0.0;
-    let mut part_after = |light: f64| {
-        let before = sum;
+    let parts = |light: f64| if total > 0.0 { (light / total * f64::from(GUIDES)).round() as u32 } else { 0 };
+    let (mut sum, mut counted) = (0.0, 0);
+    let part_count = |light: f64| {
         sum += light;
-        [before, sum].map(|sum| if total > 0.0 { (sum / total * f64::from(GUIDES)).round() } else { 0.0 } as u32)
+        let count = parts(sum) - counted;
+        counted += count;
+        count
     };
-    light.into_iter().map(|light| part_after(light)).map(|[before, after]| after - before).collect()
+    light.into_iter().map(part_count).collect()
 }
 
 /// Light of caches by direction, as the device stores it.
