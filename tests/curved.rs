@@ -94,9 +94,9 @@ fn a_lamp_in_a_closed_ball_of_few_facets_lights_nothing_outside() {
         let leaned = light(views[0], &leaning);
         println!("{near:?}, {bounces} bounces: {:.1e} of the light inside is outside", outside / inside);
         println!("with vertex normals {:.1e}", leaned / inside);
-        assert!(outside < 1e-4 * inside, "{near:?}, {bounces} bounces: {outside} of {inside}");
-        // Where caches disagree, rays find that most of this light is not there.
-        let leaks = if near == Near::Off { 1e-4 } else { 1e-6 };
-        assert!(leaned > leaks * inside, "{near:?}, {bounces} bounces: vertex normals would leak, too");
+        // Where caches disagree, rays find that most of what leaks is not there.
+        let limit = if near == Near::Off { 1e-4 } else { 1e-6 };
+        assert!(outside < limit * inside, "{near:?}, {bounces} bounces: {outside} of {inside}");
+        assert!(leaned > limit * inside, "{near:?}, {bounces} bounces: vertex normals would leak, too");
     }
 }

@@ -164,7 +164,7 @@ fn hits_send_on_the_light_of_caches_that_they_see() {
     let placed = Placed::new(&scene);
     let spacing = caches.spacing;
     let around = Around { world: &placed, caches: &traced.caches, reach: spacing, lift: SEEN_LIFT * spacing };
-    let (mut rays, mut aside, mut off, mut off_by_largest, mut sum) = (0, 0, 0.0, 0.0, 0.0);
+    let [mut pixels, mut rays, mut aside, mut differ, mut differ_by_largest] = [0; 5];
     for (i, pixel) in traced.pixels.iter().enumerate().filter(|(_, pixel)| pixel.is_surface == 1) {
         // What the light of the cache of largest weight would add.
         let mut by_largest = DVec3::ZERO;
@@ -179,19 +179,21 @@ fn hits_send_on_the_light_of_caches_that_they_see() {
                 { val.flux }.as_dvec3() / (std::f64::consts::PI * f64::from(val.area))
             };
             by_largest += weight * (sent(sorted[0]) - sent(cache));
-            sum += weight * sent(cache).length();
             rays += 1;
             aside += usize::from(cache != sorted[0]);
             direct + sent(cache)
         });
         let got = { pixel.irradiance }.as_dvec3();
-        off += got.distance(wanted.irradiance);
-        off_by_largest += got.distance(wanted.irradiance + by_largest);
+        let is_off = |wanted: DVec3| usize::from(got.distance(wanted) > 0.01 * wanted.length());
+        pixels += 1;
+        differ += is_off(wanted.irradiance);
+        differ_by_largest += is_off(wanted.irradiance + by_largest);
     }
-    let [off, off_by_largest] = [off, off_by_largest].map(|off| off / sum);
     println!(
-        "{aside} of {rays} hits do not see the cache of largest weight; error {off:.5}, by that {off_by_largest:.5}"
+        "{aside} of {rays} hits do not see the cache of largest weight; {differ} of {pixels} pixels differ, by that \
+         {differ_by_largest}"
     );
-    assert!(aside > 10 && off < 0.0025 && off_by_largest > 2.0 * off, "{aside}, {off}, {off_by_largest}");
+    // A hit just within the reach in f32 may be just beyond it in f64.
+    assert!(aside > 10 && differ * 500 < pixels && differ_by_largest > 10, "{differ}, {differ_by_largest} of {pixels}");
     assert_clean(&gpu);
 }

@@ -231,7 +231,7 @@ impl FarLight<'_> {
             let known = |cache: usize| unpack_radiance(self.radiances[cache * DIRECTIONS as usize + texel]);
             let most = caches.iter().map(|(cache, _)| luminance(known(*cache))).fold(0.0, f64::max);
             let agree = caches.iter().all(|(cache, _)| self.luminance_about(*cache, texel) >= 0.3 * most);
-            // Guided rays per solid angle. A texel is seen under 4 / side^2 times the cube of the cosine of its corner.
+            // Guided rays per solid angle, by the texels per solid angle at this direction of the octahedron.
             let parts: f64 = caches.iter().map(|(cache, share)| share * f64::from(self.parts(*cache, texel))).sum();
             let texels = f64::from(DIRECTIONS) / 4.0 / way.abs().element_sum().powi(3);
             let above = way.dot(geometric);
