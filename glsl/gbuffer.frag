@@ -42,11 +42,10 @@ layout(location = 3) out vec4 out_radiance; // emitted [cd/m^2]; direct light is
 layout(location = 4) out uvec2 out_element; // draw from 1, triangle within it
 #endif
 #ifdef LAYER
-layout(binding = 0, scalar) readonly buffer Instances { Instance instances[]; };
 layout(binding = 15) uniform sampler2D opaque_depth;
 layout(binding = 16) uniform sampler2D depth_before; // of the previous layer; a single texel of 1 if there is none
 #ifdef ELEMENTS
-layout(location = 5) out vec4 out_through; // transmitted share of the background; alpha: weight of the layer's own light
+layout(location = 5) out vec4 out_through; // transmitted share of the background; alpha: weight of the layer's own light, negative where light bends
 #else
 layout(location = 4) out vec4 out_through;
 #endif
@@ -191,15 +190,12 @@ void main() {
     if (has_texture(material, TEXTURE_TRANSMISSION)) {
         transmission *= sample_texture(transmission_texture, material, TEXTURE_TRANSMISSION, share).r;
     }
-    // Thickness is in model units. The determinant of huge models may be infinite, and infinity times zero depth is
-    // NaN.
-    float scale = pow(abs(determinant(mat3(instances[push.instance].world_from_model))), 1.0 / 3.0);
-    vec3 depth = m.optical_depth * min(scale, 1e9);
+    bool bends = m.thickness > 0.0 && m.transmission > 0.0;
     if (has_texture(material, TEXTURE_THICKNESS)) {
-        depth *= sample_texture(thickness_texture, material, TEXTURE_THICKNESS, share).g;
+        bends = bends && sample_texture(thickness_texture, material, TEXTURE_THICKNESS, share).g > 0.0;
     }
     float alpha = m.blend != 0u ? clamp(base.a, 0.0, 1.0) : 1.0;
-    out_through = vec4(1.0 - alpha + alpha * transmission * r.diffuse * exp(-depth), alpha);
+    out_through = vec4(1.0 - alpha + alpha * transmission * r.diffuse, bends ? -alpha : alpha);
     r.diffuse *= 1.0 - transmission;
 #endif
 #ifdef COAT

@@ -12,5 +12,5 @@ void main() {
         discard;
     }
     vec4 through = texelFetch(through_image, at, 0);
-    out_radiance = DIMS != 0u ? vec4(through.rgb, 1.0) : vec4(texelFetch(layer_image, at, 0).rgb * through.a, 0.0);
+    out_radiance = DIMS != 0u ? vec4(through.rgb, 1.0) : vec4(texelFetch(layer_image, at, 0).rgb * abs(through.a), 0.0);
 }

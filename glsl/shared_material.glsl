@@ -30,7 +30,8 @@ struct Material {
     float seen_cutoff; // for viewers; negative: opaque
     uint blend; // 1: alpha is the share of the background that is covered
     float transmission;
-    vec3 optical_depth; // of the medium behind the surface
+    vec3 attenuation; // inside the body behind the surface [1/m]
+    float thickness; // of that body [model units]; 0: a thin sheet
     vec3 specular_color;
     float specular;
     vec3 phong_specular;

@@ -206,6 +206,21 @@ struct NearHitsPush {
     uint sky_light_count;
 };
 
+// Push constants of the pass that follows rays through bodies of glass.
+struct RefractPush {
+    mat4 world_from_clip;
+    vec4 eye; // as in DrawPush
+    uint root; // of the hierarchy
+    uint light_count;
+    uint first_sky_light; // first light that stands for a sky; surfaces get that light from caches instead
+    uint sky_light_count;
+    float cache_reach; // distance up to which caches count at a point [m]
+    float seen_lift; // of both ends of a ray between a surface and a cache [m]
+    uint sky_width; // of the grid of the sky that shows; 0: none does
+    uint sky_height;
+    float sky_turn; // rotation about +Y [rad]
+};
+
 // VALs per row of the dispatch that traces an area light's VALs.
 const uint AREA_VALS_ROW = 65536u;
 

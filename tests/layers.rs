@@ -85,14 +85,12 @@ pub(crate) fn glazed() -> Scene {
         metallic: 0.0,
         roughness: 0.3,
         transmission: 0.9,
-        optical_depth: vec3(0.1, 0.2, 0.5),
         alpha_cutoff: Some(f32::INFINITY),
         ..Material::default()
     };
     // Glass that is clear only in places blocks light.
     let glass = Material {
         transmission_texture: Some(texture),
-        thickness_texture: Some(texture),
         alpha_cutoff: None,
         ..clear.clone()
     };
@@ -187,7 +185,7 @@ fn glass_is_written_as_it_is_read() {
     std::fs::remove_file(&path).expect("was there");
     let seen_through = |scene: &Scene| -> Vec<_> {
         let all = scene.materials.iter().filter(|material| material.is_seen_through());
-        all.map(|m| (m.blend, m.transmission, (m.optical_depth * 1e4).round(), m.alpha_cutoff, m.base_color)).collect()
+        all.map(|m| (m.blend, m.transmission, m.thickness, (m.attenuation * 1e4).round(), m.alpha_cutoff, m.base_color)).collect()
     };
     assert_eq!(seen_through(&scene), seen_through(&read));
 }

@@ -462,7 +462,8 @@ fn materials_are_read_in_full() {
     assert_eq!((m.emissive, m.ior, m.specular), (Vec3::new(10.0, 5.0, 0.0), 1.33, 0.5));
     assert_eq!((m.specular_color, m.alpha_cutoff, m.normal_scale), (Vec3::new(2.0, 1.0, 1.0), Some(0.5), 0.5));
     assert!(m.blend && m.transmission_texture.is_some() && m.thickness_texture.is_none());
-    assert_eq!((m.transmission, (-m.optical_depth).exp()), (0.75, Vec3::new(0.5, 1.0, 1.0)));
+    assert_eq!((m.transmission, m.thickness), (0.75, 2.0));
+    assert!((-m.attenuation * 4.0).exp().abs_diff_eq(Vec3::new(0.25, 1.0, 1.0), 1e-6));
     let texture = m.base_color_texture.expect("is there");
     assert_eq!((texture.uv_set, texture.sampler.wrap_u, texture.sampler.wrap_v), (1, Wrap::Mirror, Wrap::Clamp));
     assert!(texture.sampler.nearest && m.specular_texture.is_some() && m.metallic_roughness_texture.is_none());

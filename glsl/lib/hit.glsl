@@ -84,17 +84,27 @@ vec4 hit_base_color(uint material, vec4 uv, vec4 color, float width) {
     return has_hit_texture(material, TEXTURE_BASE_COLOR) ? base * hit_texture(material, TEXTURE_BASE_COLOR, uv, width) : base;
 }
 
+#ifdef LOOKS
+bool looks = true; // whether rays see what a viewer sees; otherwise they carry light
+#endif
+
 bool is_there(uint at, vec2 weights, uint instance) {
     uint material = floatBitsToUint(ray_triangle(3u * at + 1u).w);
     uvec3 v = corners_of(at, instance);
     vec3 w = vec3(1.0 - weights.x - weights.y, weights);
     vec4 uv = w.x * corner_uv(v.x) + w.y * corner_uv(v.y) + w.z * corner_uv(v.z);
     vec4 color = w.x * corner_color(v.x) + w.y * corner_color(v.y) + w.z * corner_color(v.z);
-    return hit_base_color(material, uv, color, 0.0).a >= materials[material].alpha_cutoff;
+    float alpha = hit_base_color(material, uv, color, 0.0).a;
+#ifdef LOOKS
+    return alpha >= (looks ? materials[material].seen_cutoff : materials[material].alpha_cutoff);
+#else
+    return alpha >= materials[material].alpha_cutoff;
+#endif
 }
 
 // Surface point that a ray hits.
 struct HitSurface {
+    float alpha; // of the base colour
     vec3 position;
     vec3 geometric; // unit normal of the triangle, on the ray's side
     vec3 normal; // unit vertex normal, on the same side
@@ -172,7 +182,9 @@ HitSurface surface_at(Hit hit, vec3 origin, vec3 direction, float spread) {
     float width = spread * hit.distance * sqrt(in_texture / max(length(across), 1e-30));
 
     Material m = materials[material];
-    vec3 base = hit_base_color(material, uv, color, width).rgb;
+    vec4 whole = hit_base_color(material, uv, color, width);
+    vec3 base = whole.rgb;
+    s.alpha = whole.a;
     Reflectance r = Reflectance(base, m.phong_specular, m.phong_exponent);
     if (m.phong_exponent < 0.0) {
         float metallic = m.metallic;

@@ -70,6 +70,37 @@ vec3 brdf_at(HitSurface s, vec3 looking, vec3 towards, float share) {
     return diffuse / PI + share * lobe;
 }
 
+// Radiance [cd/m^2] that a surface reflects along a ray from a light that would give it this irradiance [lx] if nothing
+// were between them; `looking`: the ray's unit direction. `chance`: two numbers in [0, 1) that select a point of the light.
+vec3 reflected_by(Light light, vec3 given, HitSurface s, vec3 looking, uint root, vec2 chance) {
+    float lift = lift_at(s.position, 0.0);
+    vec3 start = s.position + s.geometric * lift;
+    vec3 way = -light.direction;
+    float far = 3e38;
+    uint passed = 0u;
+    float share = 1.0;
+    if (light.kind == LIGHT_AREA) {
+        // A point above the horizon: all irradiance comes from there.
+        SeenPart part = above_horizon(light.position - s.position, light.right, light.up, s.normal);
+        float whole;
+        way = s.position + point_of(part, chance, whole) - start;
+        far = 0.9999;
+        passed = RAY_AREA_LIGHT;
+        if (dot(way, s.geometric) <= 0.0 || dot(way, light.direction) >= 0.0) {
+            return vec3(0.0);
+        }
+        // The irradiance is that of the whole rectangle. The lobe sees the point, which gives more of it or less.
+        float d2 = dot(way, way);
+        float of_point = max(dot(way, s.normal), 0.0) * -dot(way, light.direction) / (d2 * d2);
+        share = min(0.5 * whole * of_point / max(PI * polygon_form_factor(part, s.normal), 1e-6), MOST_OF_POINT);
+    } else if (light.kind != LIGHT_DIRECTIONAL) {
+        way = light.position - start;
+        far = 0.99999;
+    }
+    Hit blocker = trace(start, way, lift * inversesqrt(max(dot(way, way), 1e-30)), far, root, passed, true);
+    return blocker.triangle == NO_HIT ? brdf_at(s, looking, normalize(way), share) * given : vec3(0.0);
+}
+
 // Radiance [cd/m^2] that a surface reflects along a ray from all lights except `left_out` consecutive ones; `looking`: the
 // ray's unit direction. `chance`: three numbers in [0, 1) that select a light and a point on it.
 vec3 reflected_direct(HitSurface s, vec3 looking, uint light_count, uint first_left_out, uint left_out, uint root,
@@ -102,33 +133,7 @@ vec3 reflected_direct(HitSurface s, vec3 looking, uint light_count, uint first_l
     if (own == 0.0) {
         return vec3(0.0);
     }
-    Light light = hit_lights[chosen];
-    float lift = lift_at(s.position, 0.0);
-    vec3 start = s.position + s.geometric * lift;
-    vec3 way = -light.direction;
-    float far = 3e38;
-    uint passed = 0u;
-    float share = 1.0;
-    if (light.kind == LIGHT_AREA) {
-        // A point above the horizon: all irradiance comes from there.
-        SeenPart part = above_horizon(light.position - s.position, light.right, light.up, s.normal);
-        float whole;
-        way = s.position + point_of(part, chance.yz, whole) - start;
-        far = 0.9999;
-        passed = RAY_AREA_LIGHT;
-        if (dot(way, s.geometric) <= 0.0 || dot(way, light.direction) >= 0.0) {
-            return vec3(0.0);
-        }
-        // The irradiance is that of the whole rectangle. The lobe sees the point, which gives more of it or less.
-        float d2 = dot(way, way);
-        float of_point = max(dot(way, s.normal), 0.0) * -dot(way, light.direction) / (d2 * d2);
-        share = min(0.5 * whole * of_point / max(PI * polygon_form_factor(part, s.normal), 1e-6), MOST_OF_POINT);
-    } else if (light.kind != LIGHT_DIRECTIONAL) {
-        way = light.position - start;
-        far = 0.99999;
-    }
-    Hit blocker = trace(start, way, lift * inversesqrt(max(dot(way, way), 1e-30)), far, root, passed, true);
-    return blocker.triangle == NO_HIT ? brdf_at(s, looking, normalize(way), share) * given * (total / own) : vec3(0.0);
+    return reflected_by(hit_lights[chosen], given, s, looking, root, chance.yz) * (total / own);
 }
 
 #endif

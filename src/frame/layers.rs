@@ -5,6 +5,7 @@ use super::gbuffer::{GBuffer, Surface};
 use super::interpolate::Radiance;
 use super::light::Light;
 use super::near::NearPixels;
+use super::refract::{Behind, Refract};
 use super::view::View;
 use super::visible::VisibleList;
 use super::world::{ByKind, Which, World};
@@ -18,6 +19,8 @@ pub struct Layers {
     /// Layers, nearest first.
     pub list: Vec<Layer>,
     draw: ByKind,
+    /// Only with bodies of glass.
+    refract: Option<Refract>,
     /// The first dims the light from behind; the second adds the layer's light.
     mix: [Pipeline; 2],
 }
@@ -73,6 +76,7 @@ impl Layers {
         Ok(Some(Self {
             list: (0..plan.layers).map(layer).collect::<Result<_>>()?,
             draw: GBuffer::of_layers(gpu, world, plan)?,
+            refract: Refract::new(gpu, world, plan)?,
             mix: [mix(Blend::Multiply, 1)?, mix(Blend::Add, 0)?],
         }))
     }
@@ -94,27 +98,54 @@ impl Layers {
         }
     }
 
-    /// Blends the light of the layers, direct or indirect, over that of the opaque surfaces. Call it after all shading.
-    pub(super) fn record_mix(&self, cmd: &Cmd<'_>, behind: (&Surface, Option<&Radiance>), which: (bool, bool)) {
-        let (direct, indirect) = which;
-        self.mix_one(cmd, direct.then_some(&behind.0.radiance), |layer| Some(&layer.surface.radiance));
-        let behind = behind.1.filter(|_| indirect);
-        self.mix_one(cmd, behind.map(|out| &out.diffuse), |layer| Some(&layer.indirect.as_ref()?.diffuse));
-        let glossy = behind.and_then(|out| out.glossy.as_ref());
-        self.mix_one(cmd, glossy, |layer| layer.indirect.as_ref()?.glossy.as_ref());
+    /// Blends the light of the layers, direct or indirect, over that of the opaque surfaces, which bodies of glass shift.
+    /// Call it after all shading.
+    pub(super) fn record_mix(
+        &self,
+        cmd: &Cmd<'_>,
+        of: (&World, &Light),
+        view: &View,
+        behind: (&Surface, Option<&Radiance>),
+        which: (bool, bool),
+    ) {
+        let behind = Behind { direct: &behind.0.radiance, indirect: behind.1 };
+        let Some(refract) = &self.refract else {
+            return self.mix(cmd, self.list.iter().rev(), &behind, which);
+        };
+        for (i, layer) in self.list.iter().rev().enumerate() {
+            if i > 0 {
+                cmd.barrier(Use::ColorWrite, Use::ColorWrite); // the layer behind -> here
+            }
+            refract.record(cmd, of, view, layer, &behind);
+            cmd.barrier(Use::ColorWrite, Use::ColorWrite);
+            self.mix(cmd, [layer].into_iter(), &behind, which);
+        }
     }
 
-    fn mix_one<'a>(&'a self, cmd: &Cmd<'_>, to: Option<&Image>, of: impl Fn(&'a Layer) -> Option<&'a Image>) {
-        let Some(to) = to else { return };
-        let into = Attachments { colors: &[Attach::keep(to)], depth: None, area: [0, 0, to.width, to.height] };
-        cmd.render(&into, |draw| {
-            for layer in self.list.iter().rev() {
-                let Some(from) = of(layer) else { continue };
-                for mix in &self.mix {
-                    draw.bind(mix, &[from, &layer.through, &layer.surface.depth].map(Bind::from));
-                    draw.draw(3);
+    /// Blends layers, the farthest first.
+    fn mix<'a>(
+        &'a self,
+        cmd: &Cmd<'_>,
+        layers: impl Iterator<Item = &'a Layer> + Clone,
+        behind: &Behind<'_>,
+        (direct, indirect): (bool, bool),
+    ) {
+        let one = |to: Option<&Image>, of: &dyn Fn(&'a Layer) -> Option<&'a Image>| {
+            let Some(to) = to else { return };
+            let into = Attachments { colors: &[Attach::keep(to)], depth: None, area: [0, 0, to.width, to.height] };
+            cmd.render(&into, |draw| {
+                for layer in layers.clone() {
+                    let Some(from) = of(layer) else { continue };
+                    for mix in &self.mix {
+                        draw.bind(mix, &[from, &layer.through, &layer.surface.depth].map(Bind::from));
+                        draw.draw(3);
+                    }
                 }
-            }
-        });
+            });
+        };
+        one(direct.then_some(behind.direct), &|layer| Some(&layer.surface.radiance));
+        let behind = behind.indirect.filter(|_| indirect);
+        one(behind.map(|out| &out.diffuse), &|layer| Some(&layer.indirect.as_ref()?.diffuse));
+        one(behind.and_then(|out| out.glossy.as_ref()), &|layer| layer.indirect.as_ref()?.glossy.as_ref());
     }
 }

@@ -42,6 +42,7 @@ pub mod proxies;
 pub mod pyramid;
 mod record;
 pub mod refit;
+mod refract;
 mod revision;
 pub mod rsm;
 pub mod settings;

@@ -26,6 +26,8 @@ pub struct Features {
     pub glossy: bool,
     /// Some material is transparent.
     pub seen_through: bool,
+    /// Some material is glass that bends light.
+    pub bends_light: bool,
     /// Some material has a clear coat or sheen.
     pub coated: bool,
     /// Some material scatters light below its surface.
@@ -47,6 +49,7 @@ impl Features {
             emits,
             glossy: has_glossy_lobe(scene),
             seen_through: has(scene, Material::is_seen_through),
+            bends_light: has(scene, Material::is_solid),
             coated: has(scene, Material::is_coated),
             filled: has(scene, |material| material.subsurface.is_some()),
             rays: true,
@@ -98,6 +101,8 @@ pub struct Plan {
     pub antialiasing: Antialiasing,
     /// Stages 1 and 8: maximum number of transparent layers.
     pub layers: u32,
+    /// Stage 8: rays follow the light through bodies of glass.
+    pub refracts: bool,
     /// Some material has a clear coat or sheen: stage 1 has one more target; stage 2 and the sky light evaluate these
     /// lobes.
     pub coated: bool,
@@ -206,9 +211,10 @@ impl Plan {
             brute_force,
             antialiasing: settings.antialiasing,
             layers: if scene.seen_through { settings.layers } else { 0 },
+            refracts: scene.bends_light && scene.rays && settings.layers > 0,
             coated: scene.coated,
             inside,
-            glossy: scene.glossy,
+            glossy: scene.glossy || scene.bends_light,
             lobes: scene.glossy && near == Near::Off,
             sends_lobes: scene.glossy && near != Near::Off && by_irradiance,
         }
@@ -221,7 +227,7 @@ impl Plan {
 
     /// Whether any stage traces rays.
     pub(super) fn rays(&self) -> bool {
-        self.near != Near::Off || self.sky_light || self.light_rays
+        self.near != Near::Off || self.sky_light || self.light_rays || self.refracts
     }
 
     /// Whether vertices average the share of the sky that caches see. With short rays, pixels know it better.

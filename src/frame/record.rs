@@ -333,12 +333,14 @@ fn record_end(
         }
     }
     if mixed().any(|p| p.layers.is_some()) {
-        cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite); //   radiance, layers -> here
+        let waits = Use::ColorWrite | Use::DepthWrite;
+        let waits = if light.plan.refracts { waits | Use::ComputeWrite } else { waits };
+        cmd.barrier(waits, Use::FragmentRead | Use::ColorWrite); //   radiance, layers, light of caches -> here
         let _zone = enter(plan::MIX_LAYERS); // 8
-        for picture in mixed() {
-            if let Some(layers) = &picture.layers {
-                let which = (picture.outdated.surface, picture.outdated.indirect);
-                layers.record_mix(cmd, (&picture.surface, picture.indirect.as_ref()), which);
+        for (view, picture) in shown() {
+            let which = (picture.outdated.surface, picture.outdated.indirect);
+            if let (Some(layers), (true, _) | (_, true)) = (&picture.layers, which) {
+                layers.record_mix(cmd, (world, light), view, (&picture.surface, picture.indirect.as_ref()), which);
             }
         }
     }
@@ -394,6 +396,11 @@ fn find_outdated(world: &World, light: &mut Light, views: &mut [(View, &mut Pict
     for (_, picture) in views.iter_mut().filter(|(_, picture)| !picture.is_empty()) {
         let (made, outdated) = (&mut picture.made, &mut picture.outdated);
         outdated.indirect = made.indirect.renew([made.surface.revision(), indirect]) || anew;
+        if light.plan.refracts {
+            // What is seen through glass mixes both.
+            outdated.surface |= outdated.indirect;
+            outdated.indirect |= outdated.surface;
+        }
         let look = made.look.revision_of(*look);
         outdated.output = made.output.renew([made.radiance.revision(), made.indirect.revision(), look]) || anew;
     }

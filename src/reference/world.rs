@@ -57,6 +57,9 @@ pub enum Sides {
     Both,
     /// Both sides, ignoring alpha masks: for light inside a body.
     Any,
+    /// Front sides, but of this material the back sides: for camera rays inside a body of glass. If the material is
+    /// double-sided, both.
+    Within(usize),
 }
 
 /// A ray's hit on a surface.
@@ -239,7 +242,13 @@ impl<'a> World<'a> {
         }
         let front = determinant * triangle.side > 0.0;
         let material = &self.scene.materials[triangle.material as usize];
-        if !front && (sides == Sides::Front || material.double_sided) {
+        let is_own = sides == Sides::Within(triangle.material as usize);
+        let shown = match sides {
+            _ if material.double_sided => front,
+            Sides::Front | Sides::Within(_) => front != is_own,
+            Sides::Both | Sides::Any => true,
+        };
+        if !shown {
             return None;
         }
         let hit = Hit {
@@ -252,7 +261,7 @@ impl<'a> World<'a> {
             index,
         };
         let cutoff = match sides {
-            Sides::Front => material.seen_cutoff(),
+            Sides::Front | Sides::Within(_) => material.seen_cutoff(),
             Sides::Both => material.alpha_cutoff,
             Sides::Any => None,
         };
@@ -276,18 +285,17 @@ impl<'a> World<'a> {
         mesh.triangle(hit.triangle).map(|v| &mesh.vertices[v])
     }
 
-    /// For a transparent hit: the share of the surface's own light along the unit `direction`, and by channel the share
-    /// of light from behind it. `None` if opaque.
-    pub fn seen_through(&self, hit: &Hit, surface: &Surface, direction: DVec3) -> Option<(f64, DVec3)> {
+    /// For a transparent hit: the share of the surface's own light along the unit `direction`, by channel the share of
+    /// light from behind it, and whether it bends light. `None` if opaque.
+    pub fn seen_through(&self, hit: &Hit, surface: &Surface, direction: DVec3) -> Option<(f64, DVec3, bool)> {
         let material = &self.scene.materials[hit.material];
         if !material.is_seen_through() {
             return None;
         }
         let [a, b, c] = self.corners(hit);
         let (uv, color) = interpolated(hit, a, b, c);
-        let scale = self.scene.instances[hit.instance].world_from_model.matrix3.determinant().abs().cbrt();
-        let (alpha, behind) = material.seen_through(self.scene, uv, color, -surface.normal.dot(direction), scale);
-        Some((alpha.into(), behind.as_dvec3()))
+        let (alpha, behind) = material.seen_through(self.scene, uv, color, -surface.normal.dot(direction));
+        Some((alpha.into(), behind.as_dvec3(), material.bends_light(self.scene, uv)))
     }
 
     /// The surface at a hit.

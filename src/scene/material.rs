@@ -184,7 +184,7 @@ impl Material {
         self.base_color = color.extend(self.base_color.w);
         self.metallic = 0.0;
         if self.is_seen_through() {
-            (self.transmission, self.transmission_texture, self.optical_depth) = (0.0, None, Vec3::ZERO);
+            (self.transmission, self.transmission_texture, self.thickness) = (0.0, None, 0.0);
             (self.blend, self.alpha_cutoff) = (false, None);
         }
         if self.alpha_cutoff.is_none() {
@@ -196,6 +196,11 @@ impl Material {
     /// Whether the background can show through.
     pub fn is_seen_through(&self) -> bool {
         self.blend || self.transmission > 0.0
+    }
+
+    /// Whether the surface bounds a body of glass that bends light (a texture may still make it thin).
+    pub fn is_solid(&self) -> bool {
+        self.transmission > 0.0 && self.thickness > 0.0
     }
 
     /// Whether a coat or sheen lies over the lobes (textures may still remove it).
@@ -210,29 +215,25 @@ impl Material {
     }
 
     /// Contributions of a see-through surface and its background to a viewer at this cosine: the share of the surface's
-    /// own light, and the share of the background's light by channel. `scale` is the model's scale. Light goes straight
-    /// through: nothing is refracted, and rough glass is as clear as smooth glass.
+    /// own light, and the share of the background's light by channel. Rough glass is as clear as smooth glass. What the
+    /// body behind a solid surface absorbs is not included.
     ///
     /// ```text
-    /// behind = 1 - alpha + alpha transmission (share that passes coat, sheen and surface) e^(-optical depth)
+    /// behind = 1 - alpha + alpha transmission (share that passes coat, sheen and surface)
     /// ```
-    pub fn seen_through(
-        &self,
-        scene: &Scene,
-        uv: [Vec2; 2],
-        vertex_color: Vec4,
-        cosine: f64,
-        scale: f64,
-    ) -> (f32, Vec3) {
-        let linear = |texture: Option<Texture>| texture.map_or(Vec4::ONE, |t| t.sample(scene, uv, false));
+    pub fn seen_through(&self, scene: &Scene, uv: [Vec2; 2], vertex_color: Vec4, cosine: f64) -> (f32, Vec3) {
         let alpha =
             self.base_color.w * vertex_color.w * self.base_color_texture.map_or(1.0, |t| t.sample(scene, uv, true).w);
         let alpha = if self.blend { alpha.clamp(0.0, 1.0) } else { 1.0 };
         let reflectance = self.reflectance(scene, uv, vertex_color);
-        let left = (-self.optical_depth * scale as f32 * linear(self.thickness_texture).y).exp();
         let passed = (1.0 - reflectance.over.coated(cosine)) * reflectance.over.shone(cosine).1;
         let under = reflectance.under(cosine) * passed as f32;
-        (alpha, 1.0 - alpha + alpha * reflectance.transmission * under * left)
+        (alpha, 1.0 - alpha + alpha * reflectance.transmission * under)
+    }
+
+    /// Whether a surface that is seen through bends light at a point.
+    pub fn bends_light(&self, scene: &Scene, uv: [Vec2; 2]) -> bool {
+        self.is_solid() && self.thickness_texture.is_none_or(|t| t.sample(scene, uv, false).y > 0.0)
     }
 
     /// Evaluates the material at a point with texture coordinates `uv` and linear vertex colour.

@@ -170,10 +170,12 @@ pub struct Material {
     pub transmission: f32,
     /// Red multiplies `transmission`; linear image.
     pub transmission_texture: Option<Texture>,
-    /// Optical depth of the medium behind the surface, by channel and per unit of the model's scale: e^-depth of the
-    /// transmitted light remains. KHR_materials_volume: thickness times attenuation rate.
-    pub optical_depth: Vec3,
-    /// Green multiplies `optical_depth`; linear image.
+    /// Thickness of the body below a transmitting surface \[model units\]; 0 for a thin sheet. Bodies bend light, sheets
+    /// do not; KHR_materials_volume.
+    pub thickness: f32,
+    /// Absorption inside such a body, by channel \[1/m\]; KHR_materials_volume.
+    pub attenuation: Vec3,
+    /// Green multiplies `thickness`; linear image.
     pub thickness_texture: Option<Texture>,
     /// Whether the file declared the material double-sided (the loader has already added the second side).
     pub double_sided: bool,
@@ -238,7 +240,8 @@ impl Default for Material {
             blend: false,
             transmission: 0.0,
             transmission_texture: None,
-            optical_depth: Vec3::ZERO,
+            thickness: 0.0,
+            attenuation: Vec3::ZERO,
             thickness_texture: None,
             double_sided: false,
             ior: 1.5,

@@ -87,6 +87,8 @@ struct MaterialStructure {
     masked: bool,
     /// Whether it is transparent.
     seen_through: bool,
+    /// Whether it is glass that bends light.
+    bends_light: bool,
     /// Whether it has a coat or sheen.
     coated: bool,
     /// Its scattering medium.
@@ -102,6 +104,7 @@ impl MaterialStructure {
         Self {
             masked: material.alpha_cutoff.is_some(),
             seen_through: material.is_seen_through(),
+            bends_light: material.is_solid(),
             coated: material.is_coated(),
             inside: material.subsurface,
             emits: scene.emission(index).is_some(),

@@ -10,6 +10,7 @@ mod emitters;
 mod file;
 mod inside;
 mod scatter;
+mod seen;
 mod sky;
 
 use std::borrow::Cow;
@@ -26,6 +27,7 @@ use crate::scene::sky::Sky;
 use crate::scene::{Camera, Projection, Scene};
 use emitters::{Emitters, Which};
 use scatter::Scatter;
+use seen::{Left, Seen};
 use sky::SkyLight;
 
 /// Samples per pixel and pass.
@@ -36,9 +38,6 @@ const SEQUENCE: u32 = 1 << 16;
 
 /// Bounces after which Russian roulette ends paths.
 const ROULETTE: u32 = 4;
-
-/// Most transparent surfaces along a camera ray.
-const MOST_SEEN: usize = 64;
 
 /// Upper bound of the survival probability, even for paths that have lost no light.
 const LIKELIEST: f64 = 0.95;
@@ -213,7 +212,7 @@ impl<'a> PathTrace<'a> {
                 }
             } else {
                 let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
-                for (share, surface) in self.seen(origin, direction).0 {
+                for Seen { surface, direction, share, .. } in self.seen(origin, direction).0 {
                     let scatter = self.scatter(&surface, direction);
                     for sample in first..first + PASS_SAMPLES {
                         sum.add(share, &self.sample((&scatter, &surface), direction, seed, sample));
@@ -274,8 +273,8 @@ impl<'a> PathTrace<'a> {
         let exact = |(index, sampled): (usize, [f32; 3])| {
             let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
             let (surfaces, left) = self.seen(origin, direction);
-            let behind = if left == DVec3::ZERO { DVec3::ZERO } else { left * self.behind(direction) };
-            let exact = surfaces.iter().fold(behind, |sum, (share, at)| sum + *share * self.at_once(at, direction));
+            let at_once = |seen: &Seen| seen.share * self.at_once(&seen.surface, seen.direction);
+            let exact = surfaces.iter().map(at_once).fold(self.behind(left), |sum, light| sum + light);
             (exact + DVec3::from(sampled.map(f64::from))).as_vec3().to_array()
         };
         sampled.into_par_iter().enumerate().map(exact).collect()
@@ -291,9 +290,10 @@ impl<'a> PathTrace<'a> {
         surface.emission * scatter.uncoated() + light
     }
 
-    /// Radiance of the backdrop in a direction.
-    fn behind(&self, direction: DVec3) -> DVec3 {
-        self.backdrop.as_ref().map_or(DVec3::ZERO, |sky| sky.radiance(direction))
+    /// Radiance of the backdrop that arrives at the camera.
+    fn behind(&self, (share, direction): Left) -> DVec3 {
+        let backdrop = self.backdrop.as_ref().filter(|_| share != DVec3::ZERO);
+        backdrop.map_or(DVec3::ZERO, |sky| share * sky.radiance(direction))
     }
 
     /// Indirect radiance [cd/m^2] of the diffuse lobe, row by row from the top.
@@ -316,7 +316,7 @@ impl<'a> PathTrace<'a> {
             let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
             match self.world.nearest(origin, direction, Sides::Front) {
                 Some(_) => ([0.0; 3], 1.0),
-                None => (self.behind(direction).as_vec3().to_array(), 0.0),
+                None => (self.behind((DVec3::ONE, direction)).as_vec3().to_array(), 0.0),
             }
         };
         (0..self.pixels.len()).into_par_iter().map(pixel).unzip()
@@ -326,8 +326,7 @@ impl<'a> PathTrace<'a> {
     pub fn surfaces(&self) -> Vec<Option<Surface>> {
         let opaque = |index| {
             let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
-            let (surfaces, left) = self.seen(origin, direction);
-            surfaces.last().filter(|_| left == DVec3::ZERO).map(|(_, surface)| *surface)
+            self.seen(origin, direction).0.last().filter(|last| !last.is_clear).map(|last| last.surface)
         };
         (0..self.pixels.len()).into_par_iter().map(opaque).collect()
     }
@@ -342,24 +341,6 @@ impl<'a> PathTrace<'a> {
         self.pixels.iter().map(|pixel| sum(pixel).map(|s| (s * share) as f32)).collect()
     }
 
-    /// Surfaces along a camera ray: each with the share of its light that arrives, and the remaining share of the
-    /// backdrop.
-    fn seen(&self, mut origin: DVec3, direction: DVec3) -> (Vec<(DVec3, Surface)>, DVec3) {
-        let (mut surfaces, mut left) = (Vec::new(), DVec3::ONE);
-        while surfaces.len() < MOST_SEEN {
-            let Some(hit) = self.world.nearest(origin, direction, Sides::Front) else { return (surfaces, left) };
-            let surface = self.world.surface(&hit);
-            let Some((own, behind)) = self.world.seen_through(&hit, &surface, direction) else {
-                surfaces.push((left, surface));
-                break;
-            };
-            origin = surface.position;
-            surfaces.push((left * own, surface));
-            left *= behind;
-        }
-        (surfaces, DVec3::ZERO)
-    }
-
     /// All light of a sample at a random place in a pixel.
     fn sample_within(&self, index: usize, seed: u32, sample: u32) -> Radiance {
         let own = mix(seed ^ mix(self.settings.seed ^ mix(sample / SEQUENCE)) ^ 0x9e37_79b9);
@@ -367,13 +348,11 @@ impl<'a> PathTrace<'a> {
         let (origin, direction) = camera_ray_at(self.camera, self.settings.size, index, DVec2::new(x, y));
         let (surfaces, left) = self.seen(origin, direction);
         let mut radiance = Radiance::default();
-        if left != DVec3::ZERO {
-            radiance.direct = left * self.behind(direction);
-        }
+        radiance.direct = self.behind(left);
         if surfaces.is_empty() {
             (radiance.behind, radiance.missed) = (radiance.direct, 1.0);
         }
-        for (share, surface) in surfaces {
+        for Seen { surface, direction, share, .. } in surfaces {
             radiance.add(share, &self.sample((&self.scatter(&surface, direction), &surface), direction, seed, sample));
             radiance.direct += share * self.at_once(&surface, direction);
         }

@@ -21,6 +21,9 @@ use crate::scene::{Image, Material, Phong, Sampler, Texture, Wrap};
 /// Largest width and height \[texels\] of an image, supported by every desktop Vulkan driver.
 const MAX_SIDE: u32 = 16384;
 
+/// Upper bound of absorption in glass \[1/m\].
+const MOST_ATTENUATION: f64 = 1e9;
+
 /// The materials in use so far. Their textures refer to the file's images until `finish`.
 pub(super) struct Materials<'a> {
     document: &'a Document,
@@ -164,14 +167,13 @@ impl Reader<'_, '_> {
             }
         }
         if let Some(extension) = object.extension("KHR_materials_volume")? {
-            let thickness = self.factor(&extension, "thicknessFactor", 0.0, f64::from(f32::MAX))?;
+            material.thickness = self.factor(&extension, "thicknessFactor", 0.0, f64::from(f32::MAX))?;
             let distance = extension.number("attenuationDistance")?.unwrap_or(f64::INFINITY);
             let color = extension.vector::<3>("attenuationColor")?.unwrap_or([1.0; 3]);
             let color = self.clamped(&extension, "attenuationColor", color, 1.0);
             if distance > 0.0 {
-                let depths = f64::from(thickness) / distance;
-                material.optical_depth =
-                    Vec3::from(color.map(|left| (-left.max(1e-6).ln() * depths as f32).min(100.0)));
+                let rate = |left: f32| -f64::from(left.max(1e-6)).ln() / distance;
+                material.attenuation = Vec3::from(color.map(|left| rate(left).min(MOST_ATTENUATION) as f32));
             }
             material.thickness_texture = self.texture(&extension, "thicknessTexture")?;
         }

@@ -131,13 +131,13 @@ pub(super) fn material(document: &mut Document, index: usize, material: &Materia
         }
         extend("KHR_materials_transmission", factors);
     }
-    if material.optical_depth != Vec3::ZERO {
-        // Light that remains after one thickness.
-        let mut factors = json!({
-            "thicknessFactor": 1.0,
-            "attenuationDistance": 1.0,
-            "attenuationColor": (-material.optical_depth).exp().to_array(),
-        });
+    if material.thickness > 0.0 {
+        let mut factors = json!({ "thicknessFactor": material.thickness });
+        let most = material.attenuation.max_element();
+        if most > 0.0 {
+            factors["attenuationDistance"] = json!(1.0 / most);
+            factors["attenuationColor"] = json!((-material.attenuation / most).exp().to_array());
+        }
         if let Some(texture) = thickness {
             factors["thicknessTexture"] = texture;
         }
