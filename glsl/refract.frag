@@ -1,10 +1,8 @@
 // Stage 8, before layers are mixed: what bodies of glass show. A ray follows the light through the body and whatever glass
 // is behind it, to a surface or the sky. The surface is lit where the ray meets it. The result replaces the light of the
 // surfaces straight behind the layer. METHOD 15. Twin: src/reference/path_trace/seen.rs.
-// variant refract_indirect.frag: INDIRECT (where there is indirect light)
-// variant refract_lit.frag: INDIRECT LIT (where caches are lit by each other)
-// variant refract_sky.frag: INDIRECT SKY (where caches see a sky)
-// variant refract_lit_sky.frag: INDIRECT LIT SKY (both)
+// variant refract_lit.frag: LIT (where caches are lit by each other)
+// variant refract_lit_sky.frag: LIT SKY (where they also see a sky)
 #extension GL_EXT_control_flow_attributes : require
 #define LOOKS
 #include "lib/hit_light.glsl"
@@ -18,14 +16,12 @@ layout(binding = 16) uniform sampler2D specular_image;
 layout(binding = 17) uniform sampler2D through_image; // alpha is negative where the layer bends light
 #define SKY_BINDING 18
 #include "lib/sky_grid.glsl"
-#if defined(LIT) || defined(SKY)
+#ifdef LIT
 layout(constant_id = 4) const uint REFERENCES = 8;
 layout(constant_id = 5) const uint BY_CELLS = 0; // 1: references are stored per cell
 layout(binding = 19, scalar) readonly buffer Caches { Cache caches[]; };
 #define REFERENCE_BINDINGS 20
 #include "lib/hit_caches.glsl"
-#endif
-#ifdef LIT
 layout(binding = 25, scalar) readonly buffer CacheVals { Val cache_vals[]; };
 layout(binding = 26, scalar) readonly buffer Albedos { vec3 albedos[]; }; // of the caches
 #endif
@@ -34,10 +30,9 @@ layout(binding = 27, scalar) readonly buffer Seen { SkySeen seen[]; }; // per ca
 #endif
 
 layout(location = 0) out vec4 out_direct;
-#ifdef INDIRECT
+// Not used without indirect light.
 layout(location = 1) out vec4 out_diffuse;
 layout(location = 2) out vec4 out_glossy;
-#endif
 
 // Surfaces that a ray meets, at most, with those that it leaves a body through.
 const uint MOST_MET = 64u;
@@ -99,7 +94,7 @@ vec3 direct_light(HitSurface s, vec3 looking) {
     return sum;
 }
 
-#if defined(LIT) || defined(SKY)
+#ifdef LIT
 // Radiance [cd/m^2] that a surface reflects of the light of its caches; `of_sky`: of the sky itself.
 vec3 cache_light(Hit hit, HitSurface s, vec3 direction, out vec3 of_sky) {
     of_sky = vec3(0.0);
@@ -120,7 +115,6 @@ vec3 cache_light(Hit hit, HitSurface s, vec3 direction, out vec3 of_sky) {
         vec3 sky = s.diffuse / PI * seen[at[i]].irradiance;
         of_sky += shares[i] * sky;
 #endif
-#ifdef LIT
         // What the cache sends on, with this surface's albedo instead of its own.
         Val val = cache_vals[at[i]];
         vec3 ratio = s.diffuse / max(albedos[at[i]], vec3(LEAST_ALBEDO));
@@ -129,7 +123,6 @@ vec3 cache_light(Hit hit, HitSurface s, vec3 direction, out vec3 of_sky) {
         sent -= albedos[at[i]] * ratio / PI * seen[at[i]].irradiance;
 #endif
         sum += shares[i] * max(sent, vec3(0.0));
-#endif
     }
     return sum;
 }
@@ -214,7 +207,7 @@ void main() {
                 s.diffuse = sent_on(s.lobes);
             }
             direct += own * direct_light(s, direction);
-#if defined(LIT) || defined(SKY)
+#ifdef LIT
             vec3 of_sky;
             diffuse += own * cache_light(hit, s, direction, of_sky);
             direct += own * of_sky;
@@ -238,8 +231,6 @@ void main() {
         }
     }
     out_direct = vec4(direct, 0.0);
-#ifdef INDIRECT
     out_diffuse = vec4(diffuse, 0.0);
     out_glossy = vec4(0.0);
-#endif
 }

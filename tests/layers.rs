@@ -89,11 +89,7 @@ pub(crate) fn glazed() -> Scene {
         ..Material::default()
     };
     // Glass that is clear only in places blocks light.
-    let glass = Material {
-        transmission_texture: Some(texture),
-        alpha_cutoff: None,
-        ..clear.clone()
-    };
+    let glass = Material { transmission_texture: Some(texture), alpha_cutoff: None, ..clear.clone() };
     let film = Material {
         base_color: Vec4::new(0.2, 0.7, 0.3, 0.4),
         metallic: 0.0,
@@ -185,7 +181,8 @@ fn glass_is_written_as_it_is_read() {
     std::fs::remove_file(&path).expect("was there");
     let seen_through = |scene: &Scene| -> Vec<_> {
         let all = scene.materials.iter().filter(|material| material.is_seen_through());
-        all.map(|m| (m.blend, m.transmission, m.thickness, (m.attenuation * 1e4).round(), m.alpha_cutoff, m.base_color)).collect()
+        all.map(|m| (m.blend, m.transmission, m.thickness, (m.attenuation * 1e4).round(), m.alpha_cutoff, m.base_color))
+            .collect()
     };
     assert_eq!(seen_through(&scene), seen_through(&read));
 }

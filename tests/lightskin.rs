@@ -79,6 +79,7 @@ mod pixel;
 mod proxies;
 mod quality;
 mod rays;
+mod refraction;
 mod scene;
 mod sessions;
 mod shaders;

@@ -110,7 +110,7 @@ struct HitSurface {
     vec3 normal; // unit vertex normal, on the same side
     Reflectance lobes; // for a mean viewer
     vec3 diffuse; // albedo of both lobes together, as if diffuse
-    vec3 emission; // zero for area lights [cd/m^2]
+    vec3 emission; // with LOOKS also that of area lights [cd/m^2]
 };
 
 // Normal of the triangle that a ray hits, in world space and of any length, as its corners turn. `what`: its flags.
@@ -207,7 +207,12 @@ HitSurface surface_at(Hit hit, vec3 origin, vec3 direction, float spread) {
     s.lobes = r;
     s.diffuse = sent_on(r);
     s.emission = vec3(0.0);
-    if (front && (what & RAY_AREA_LIGHT) == 0u && m.emissive != vec3(0.0)) {
+#ifdef LOOKS
+    bool emits = front;
+#else
+    bool emits = front && (what & RAY_AREA_LIGHT) == 0u;
+#endif
+    if (emits && m.emissive != vec3(0.0)) {
         s.emission = m.emissive;
         if (has_hit_texture(material, TEXTURE_EMISSIVE)) {
             s.emission *= hit_texture(material, TEXTURE_EMISSIVE, uv, width).rgb;

@@ -116,7 +116,7 @@ impl Layers {
             if i > 0 {
                 cmd.barrier(Use::ColorWrite, Use::ColorWrite); // the layer behind -> here
             }
-            refract.record(cmd, of, view, layer, &behind);
+            refract.record(cmd, of, view, (&layer.surface, &layer.through), &behind);
             cmd.barrier(Use::ColorWrite, Use::ColorWrite);
             self.mix(cmd, [layer].into_iter(), &behind, which);
         }

@@ -1,7 +1,7 @@
 //! Stage 8, before layers are mixed: what bodies of glass show. Rays follow the light through them. METHOD 15.
 
+use super::gbuffer::Surface;
 use super::interpolate::Radiance;
-use super::layers::Layer;
 use super::light::Light;
 use super::near::SEEN_LIFT;
 use super::plan::Plan;
@@ -36,12 +36,10 @@ impl Refract {
         let by_cells = u32::from(world.references_of_pixels().is_some());
         let constants = [stack, levels, texels, holes, world.references_each as u32, by_cells];
         let lit = plan.bounces > 0;
-        let fragment = match (plan.indirect(), lit, plan.sky_light) {
-            (false, ..) => "refract.frag",
-            (true, false, false) => "refract_indirect.frag",
-            (true, true, false) => "refract_lit.frag",
-            (true, false, true) => "refract_sky.frag",
-            (true, true, true) => "refract_lit_sky.frag",
+        let fragment = match (lit, plan.sky_light) {
+            (false, _) => "refract.frag",
+            (true, false) => "refract_lit.frag",
+            (true, true) => "refract_lit_sky.frag",
         };
         let draw = gpu.raster(&Raster {
             vertex: "screen.vert",
@@ -52,23 +50,22 @@ impl Refract {
             blend: Blend::Replace,
             depth: Depth::None,
             cull: Cull::None,
-            constants: &constants[..if lit || plan.sky_light { 6 } else { 4 }],
+            constants: &constants[..if lit { 6 } else { 4 }],
         })?;
         Ok(Some(Self { draw }))
     }
 
-    /// Records the pass for a layer. Earlier barriers must have waited for the layer, the light behind it and the light
+    /// Records the pass for a layer's surface and what passes through it. Earlier barriers must have waited for the layer, the light behind it and the light
     /// of caches.
     pub(super) fn record(
         &self,
         cmd: &Cmd<'_>,
         (world, light): (&World, &Light),
         view: &View,
-        layer: &Layer,
+        (surface, through): (&Surface, &Image),
         behind: &Behind<'_>,
     ) {
         let Some(rays) = world.rays() else { return };
-        let surface = &layer.surface;
         let caches = light.caches();
         let none = Bind::from(&world.light_buffer);
         let [b0, b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11] = rays.binds(world);
@@ -81,7 +78,7 @@ impl Refract {
             b0, b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, // 0
             (&world.light_buffer).into(), // 12
             (&surface.depth).into(), (&surface.normal).into(), (&surface.albedo).into(), (&surface.specular).into(), // 13
-            (&layer.through).into(), world.sky.as_ref().map_or(none, |sky| (&sky.texels).into()), // 17
+            through.into(), world.sky.as_ref().map_or(none, |sky| (&sky.texels).into()), // 17
             atlas.map_or(none, Bind::from), (&world.references).into(), (&world.instance_caches).into(), // 19
             grids, entries, atlas.map_or(none, Bind::SomeTexels), // 22
             caches.and_then(|caches| caches.gather.cache_vals()).map_or(none, Bind::from), // 25
@@ -91,7 +88,7 @@ impl Refract {
         let glossy = behind.indirect.and_then(|indirect| indirect.glossy.as_ref());
         let colors = [Some(behind.direct), behind.indirect.map(|indirect| &indirect.diffuse), glossy];
         let colors: Vec<_> = colors.into_iter().flatten().map(Attach::keep).collect();
-        let sky_lights = if seen.is_some() { world.sky_lights() } else { 0..0 };
+        let sky_lights = if seen.is_some() && light.plan.bounces > 0 { world.sky_lights() } else { 0..0 };
         let (sky_width, sky_height, sky_turn) =
             world.sky.as_ref().map_or((0, 0, 0.0), |sky| (sky.width, sky.height, sky.turn));
         cmd.render(&Attachments { colors: &colors, depth: None, area: surface.area() }, |draw| {
