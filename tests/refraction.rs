@@ -1,11 +1,12 @@
 //! Bodies of glass, which bend light: rays through them against closed forms and the path tracer.
 
 use glam::{Affine2, DAffine3, DVec2, DVec3, Vec3, Vec4, dvec3, vec3};
-use lightskin::frame::{LightShadows, Near, Shadows};
+use lightskin::frame::{Antialiasing, LightShadows, Near, Shadows};
 use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::metrics::metrics;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::scene::build::{cuboid, quad, sphere};
+use lightskin::scene::sky::Sky;
 use lightskin::scene::{Image, LightKind, Material, Sampler, Scene, Texture};
 
 use crate::common::frames::{add, baked, camera, lamp, phong, shoot, small};
@@ -122,45 +123,69 @@ fn both_kinds_of_sides_bend_alike() {
     assert!(one.y > 1.0 && one.abs_diff_eq(two, 1e-6), "{one} is not {two}");
 }
 
+/// A sky that is brighter at the top.
+fn under_a_sky(mut scene: Scene) -> Scene {
+    let row = |i: usize| Vec3::new(60.0, 80.0, 100.0) * (8 - i / 16) as f32;
+    Sky::new(16, 8, (0..128).map(row), 0.0).put_over(&mut scene, 16);
+    scene
+}
+
 #[test]
 fn surfaces_behind_glass_have_the_light_of_paths() {
-    let scene = table();
-    let size = [120, 90];
-    let mut paths = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::of(size));
-    (0..10).for_each(|_| paths.pass());
-    let knobs = Knobs {
-        size,
-        bounces: 4,
-        shadows: Shadows::PerLight,
-        near: Near::Rays { per_pixel: 8, every: 2 },
-        light_shadows: LightShadows::Rays,
-        rsm: 64,
-        ..small()
-    };
-    let shot = shoot(&gpu(), &scene, Some(&baked(&scene, 0.4, 8)), &knobs);
-    let settings = PathTraceSettings { bounces: Some(0), ..PathTraceSettings::of(size) };
-    let straight = Scene {
-        materials: scene.materials.iter().map(|m| Material { transmission: 0.0, ..m.clone() }).collect(),
-        ..scene.clone()
-    };
-    let covers = PathTrace::new(&straight, &scene.cameras[0], &settings).surfaces();
-    let is_glass =
-        |i: &usize| covers[*i].is_some_and(|s| s.reflection.base.min_element() >= 0.8 && s.position.y > 0.01);
-    let pixels: Vec<usize> = (0..covers.len()).filter(is_glass).collect();
-    assert!(pixels.len() > 500);
-    for (name, shown, truth, [bias, error]) in [
-        ("direct", &shot.direct, paths.direct(), [0.01, 0.02]),
-        ("diffuse", &shot.diffuse, paths.diffuse(), [0.1, 0.1]),
+    for (kind, scene, limits) in [
+        ("lamp", table(), [[0.01, 0.01], [0.1, 0.1]]),
+        ("sky", under_a_sky(Scene { lights: Vec::new(), ..table() }), [[0.1, 0.1], [0.1, 0.1]]),
     ] {
-        let shown: Vec<[f32; 3]> = pixels.iter().map(|&i| shown[i].as_vec3().to_array()).collect();
-        let truth: Vec<[f32; 3]> = pixels.iter().map(|&i| truth[i]).collect();
-        let m = metrics(&shown, &truth);
-        println!(
-            "{name} in {} pixels of glass: bias {:+.4}, relMSE without the worst 1 % {:.4}",
-            pixels.len(),
-            m.bias,
-            m.relmse_trimmed
-        );
-        assert!(m.bias.abs() < bias && m.relmse_trimmed < error, "{name}: {m:?}");
+        let size = [120, 90];
+        let mut paths = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::of(size));
+        (0..10).for_each(|_| paths.pass());
+        let knobs = Knobs {
+            size,
+            bounces: 4,
+            shadows: Shadows::PerLight,
+            near: Near::Rays { per_pixel: 8, every: 2 },
+            light_shadows: LightShadows::Rays,
+            rsm: 64,
+            ..small()
+        };
+        let shot = shoot(&gpu(), &scene, Some(&baked(&scene, 0.4, 8)), &knobs);
+        let settings = PathTraceSettings { bounces: Some(0), ..PathTraceSettings::of(size) };
+        let materials = scene.materials.iter().map(|m| Material { transmission: 0.0, ..m.clone() }).collect();
+        let opaque = Scene { materials, ..scene.clone() };
+        let covers = PathTrace::new(&opaque, &scene.cameras[0], &settings).surfaces();
+        let is_glass =
+            |i: &usize| covers[*i].is_some_and(|s| s.reflection.base.min_element() >= 0.8 && s.position.y > 0.01);
+        let pixels: Vec<usize> = (0..covers.len()).filter(is_glass).collect();
+        assert!(pixels.len() > 500);
+        let layers = [("direct", &shot.direct, paths.direct()), ("diffuse", &shot.diffuse, paths.diffuse())];
+        for ((name, shown, truth), [bias, error]) in layers.into_iter().zip(limits) {
+            let shown: Vec<[f32; 3]> = pixels.iter().map(|&i| shown[i].as_vec3().to_array()).collect();
+            let truth: Vec<[f32; 3]> = pixels.iter().map(|&i| truth[i]).collect();
+            let m = metrics(&shown, &truth);
+            let (count, relmse) = (pixels.len(), m.relmse_trimmed);
+            println!("{kind}, {name} in {count} pixels of glass: bias {:+.4}, trimmed relMSE {relmse:.4}", m.bias);
+            assert!(m.bias.abs() < bias && relmse < error, "{kind}, {name}: {m:?}");
+        }
+    }
+}
+
+#[test]
+fn every_kind_of_frame_with_bodies_is_clean() {
+    for scene in [table(), under_a_sky(table())] {
+        let caches = baked(&scene, 0.8, 8);
+        for antialiasing in [Antialiasing::Off, Antialiasing::Four] {
+            for gi in [Gi::Off, Gi::BruteForce, Gi::LightSkin] {
+                for (near, shadows) in
+                    [(Near::Off, Shadows::Off), (Near::Rays { per_pixel: 8, every: 2 }, Shadows::PerLight)]
+                {
+                    for bounces in [1, 3] {
+                        let knobs = Knobs { gi, antialiasing, near, shadows, bounces, size: [24, 18], ..small() };
+                        if knobs.go_together() {
+                            shoot(&gpu(), &scene, Some(&caches), &knobs);
+                        }
+                    }
+                }
+            }
+        }
     }
 }
