@@ -347,8 +347,7 @@ impl<'a> PathTrace<'a> {
         let [x, y, ..] = sample_4d(sample % SEQUENCE, 0, own).map(f64::from);
         let (origin, direction) = camera_ray_at(self.camera, self.settings.size, index, DVec2::new(x, y));
         let (surfaces, left) = self.seen(origin, direction);
-        let mut radiance = Radiance::default();
-        radiance.direct = self.behind(left);
+        let mut radiance = Radiance { direct: self.behind(left), ..Radiance::default() };
         if surfaces.is_empty() {
             (radiance.behind, radiance.missed) = (radiance.direct, 1.0);
         }
