@@ -45,7 +45,8 @@ layout(location = 4) out uvec2 out_element; // draw from 1, triangle within it
 layout(binding = 15) uniform sampler2D opaque_depth;
 layout(binding = 16) uniform sampler2D depth_before; // of the previous layer; a single texel of 1 if there is none
 #ifdef ELEMENTS
-layout(location = 5) out vec4 out_through; // transmitted share of the background; alpha: weight of the layer's own light, negative where light bends
+// Transmitted share of the background; alpha: weight of the layer's own light, negative where light bends.
+layout(location = 5) out vec4 out_through;
 #else
 layout(location = 4) out vec4 out_through;
 #endif

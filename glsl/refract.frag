@@ -30,7 +30,7 @@ layout(binding = 27, scalar) readonly buffer Seen { SkySeen seen[]; }; // per ca
 #endif
 
 layout(location = 0) out vec4 out_direct;
-// Not used without indirect light.
+// There are images for these only with indirect light, and with glossy surfaces.
 layout(location = 1) out vec4 out_diffuse;
 layout(location = 2) out vec4 out_glossy;
 
@@ -59,16 +59,6 @@ vec3 bent(vec3 direction, vec3 normal, vec3 geometric, float ratio) {
 vec3 mirrored(vec3 direction, vec3 normal, vec3 geometric) {
     vec3 d = reflect(direction, normal);
     return dot(d, geometric) > 0.0 ? d : reflect(direction, geometric);
-}
-
-// Unit vertex normal at a hit, on the side that the ray comes from.
-vec3 vertex_normal(Hit hit, vec3 geometric) {
-    uvec3 v = corners_of(hit.triangle, hit.instance);
-    vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
-    vec3 n = w.x * corner_vector(v.x, 3u) + w.y * corner_vector(v.y, 3u) + w.z * corner_vector(v.z, 3u);
-    n = mat3(hit_instances[hit.instance].world_from_normal) * n;
-    n = dot(n, n) > 0.0 ? normalize(n) : geometric;
-    return dot(n, geometric) < 0.0 ? -n : n;
 }
 
 // Thickness of a body at a hit on its surface [m].
@@ -185,7 +175,7 @@ void main() {
         Material m = materials[material];
         bool clear = m.blend != 0u || m.transmission > 0.0;
         bool bends = m.thickness > 0.0 && m.transmission > 0.0;
-        vec3 normal = vertex_normal(hit, geometric);
+        vec3 normal = hit_normal(hit, geometric);
         if (first) {
             bends = true;
             normal = texelFetch(normal_image, pixel, 0).xyz;
@@ -222,10 +212,8 @@ void main() {
             vec3 d = bent(direction, normal, geometric, ratio);
             bool passes = dot(d, d) > 0.0;
             direction = normalize(passes ? d : mirrored(direction, normal, geometric));
-            if (leaves) {
-                body = passes ? NO_BODY : body;
-            } else {
-                body = material;
+            if (passes) {
+                body = leaves ? NO_BODY : material;
                 body_thickness = thickness(material, hit.instance);
             }
         }

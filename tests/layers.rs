@@ -174,15 +174,21 @@ fn light_goes_through_clear_glass() {
 
 #[test]
 fn glass_is_written_as_it_is_read() {
-    let scene = glazed();
+    let mut scene = glazed();
+    let textured = scene.materials.iter().position(|m| m.transmission_texture.is_some()).expect("in the scene");
+    let (texture, body) = (scene.materials[textured].transmission_texture, &mut scene.materials[textured]);
+    (body.thickness, body.attenuation, body.thickness_texture) = (0.3, vec3(0.0, 0.2, 500.0), texture);
     let path = std::env::temp_dir().join(format!("lightskin_glass_{}.glb", std::process::id()));
     write_glb(&scene, &path).expect("written");
     let read = load(&path).expect("read");
     std::fs::remove_file(&path).expect("was there");
     let seen_through = |scene: &Scene| -> Vec<_> {
         let all = scene.materials.iter().filter(|material| material.is_seen_through());
-        all.map(|m| (m.blend, m.transmission, m.thickness, (m.attenuation * 1e4).round(), m.alpha_cutoff, m.base_color))
-            .collect()
+        let of = |m: &Material| {
+            let body = (m.thickness, (m.attenuation * 1e2).round(), m.thickness_texture.is_some());
+            (m.blend, m.transmission, body, m.alpha_cutoff, m.base_color)
+        };
+        all.map(of).collect()
     };
     assert_eq!(seen_through(&scene), seen_through(&read));
 }

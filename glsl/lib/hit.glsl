@@ -85,7 +85,7 @@ vec4 hit_base_color(uint material, vec4 uv, vec4 color, float width) {
 }
 
 #ifdef LOOKS
-bool looks = true; // whether rays see what a viewer sees; otherwise they carry light
+bool looks = false; // whether rays see what a viewer sees; otherwise they carry light
 #endif
 
 bool is_there(uint at, vec2 weights, uint instance) {
@@ -152,6 +152,16 @@ uvec3 corners_hit(Hit hit, vec3 direction) {
     return base + uvec3(hit_indices[first], hit_indices[first + 2u], hit_indices[first + 1u]);
 }
 
+// Unit vertex normal at a hit, on the side of this unit normal of the triangle.
+vec3 hit_normal(Hit hit, vec3 geometric) {
+    uvec3 v = corners_of(hit.triangle, hit.instance);
+    vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
+    vec3 n = w.x * corner_vector(v.x, 3u) + w.y * corner_vector(v.y, 3u) + w.z * corner_vector(v.z, 3u);
+    n = mat3(hit_instances[hit.instance].world_from_normal) * n;
+    n = dot(n, n) > 0.0 ? normalize(n) : geometric;
+    return dot(n, geometric) < 0.0 ? -n : n;
+}
+
 // The surface at a hit; `spread`: width of the ray's cone by distance.
 HitSurface surface_at(Hit hit, vec3 origin, vec3 direction, float spread) {
     HitSurface s;
@@ -162,10 +172,7 @@ HitSurface surface_at(Hit hit, vec3 origin, vec3 direction, float spread) {
     uint what = floatBitsToUint(ray_triangle(3u * hit.triangle + 2u).w);
     uvec3 v = corners_of(hit.triangle, hit.instance);
     vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
-    vec3 n = w.x * corner_vector(v.x, 3u) + w.y * corner_vector(v.y, 3u) + w.z * corner_vector(v.z, 3u);
-    n = mat3(hit_instances[hit.instance].world_from_normal) * n;
-    s.normal = dot(n, n) > 0.0 ? normalize(n) : s.geometric;
-    s.normal = dot(s.normal, s.geometric) < 0.0 ? -s.normal : s.normal;
+    s.normal = hit_normal(hit, s.geometric);
 
     vec4 uva = corner_uv(v.x);
     vec4 uvb = corner_uv(v.y);

@@ -214,7 +214,7 @@ impl Plan {
             refracts: scene.bends_light && scene.rays && settings.layers > 0,
             coated: scene.coated,
             inside,
-            glossy: scene.glossy || scene.bends_light,
+            glossy: scene.glossy,
             lobes: scene.glossy && near == Near::Off,
             sends_lobes: scene.glossy && near != Near::Off && by_irradiance,
         }

@@ -36,6 +36,7 @@ impl Refract {
         let by_cells = u32::from(world.references_of_pixels().is_some());
         let constants = [stack, levels, texels, holes, world.references_each as u32, by_cells];
         let lit = plan.bounces > 0;
+        let lobes = if plan.indirect() { 1 + usize::from(plan.glossy) } else { 0 };
         let fragment = match (lit, plan.sky_light) {
             (false, _) => "refract.frag",
             (true, false) => "refract_lit.frag",
@@ -46,7 +47,7 @@ impl Refract {
             fragment: Some(fragment),
             shape: Shape::Triangles,
             streams: &[],
-            colors: &[Format::R32G32B32A32_SFLOAT; 3][..if plan.indirect() { 3 } else { 1 }],
+            colors: &[Format::R32G32B32A32_SFLOAT; 3][..1 + lobes],
             blend: Blend::Replace,
             depth: Depth::None,
             cull: Cull::None,
@@ -55,8 +56,8 @@ impl Refract {
         Ok(Some(Self { draw }))
     }
 
-    /// Records the pass for a layer's surface and what passes through it. Earlier barriers must have waited for the layer, the light behind it and the light
-    /// of caches.
+    /// Records the pass for a layer's surface and the share of light that passes through it. Earlier barriers must have
+    /// waited for the layer, the light behind it and the light of caches.
     pub(super) fn record(
         &self,
         cmd: &Cmd<'_>,

@@ -175,7 +175,7 @@ pub struct Material {
     pub thickness: f32,
     /// Absorption inside such a body, by channel \[1/m\]; KHR_materials_volume.
     pub attenuation: Vec3,
-    /// Green multiplies `thickness`; linear image.
+    /// Where its green is 0, the surface is a thin sheet; linear image.
     pub thickness_texture: Option<Texture>,
     /// Whether the file declared the material double-sided (the loader has already added the second side).
     pub double_sided: bool,

@@ -390,7 +390,7 @@ fn hit_textures(scene: &Scene) -> (Vec<HitTexture>, Vec<u32>) {
     let cut = scene.materials.iter().filter(|m| m.alpha_cutoff.is_some());
     let cut: HashSet<usize> = cut.filter_map(|m| Some(m.base_color_texture?.image)).collect();
     let most = |image: usize| if cut.contains(&image) { MOST_CUT } else { MOST_TEXELS };
-    // Normal maps, glass, coats and sheen matter only in pictures.
+    // Normal maps, transmission, coats and sheen matter only in pictures.
     let of_pictures = |which: u32| which == TEXTURE_NORMAL || which >= TEXTURE_TRANSMISSION;
     let used = |m| {
         let all = textures::used(m).map(|(texture, holds)| (texture, holds == textures::Holds::Colors));

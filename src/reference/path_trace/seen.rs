@@ -63,8 +63,11 @@ impl PathTrace<'_> {
             share *= behind;
             if bends {
                 let ratio = within / f64::from(materials[hit.material].ior).max(1.0);
-                direction = bent(direction, &surface, ratio).unwrap_or_else(|| mirrored(direction, &surface));
-                body = Some(self.body(&hit));
+                if let Some(bent) = bent(direction, &surface, ratio) {
+                    (direction, body) = (bent, Some(self.body(&hit)));
+                } else {
+                    direction = mirrored(direction, &surface);
+                }
             }
         }
         (surfaces, (DVec3::ZERO, direction))
