@@ -1,6 +1,6 @@
 //! Bodies of glass, which bend light: rays through them against closed forms and the path tracer.
 
-use glam::{Affine2, DAffine3, DMat3, DVec2, DVec3, Vec2, Vec3, Vec4, dvec3, vec3};
+use glam::{Affine2, DAffine3, DMat3, DVec2, DVec3, Vec2, Vec3, Vec3Swizzles, Vec4, dvec3, vec3};
 use lightskin::frame::{Antialiasing, LightShadows, Near, Shadows};
 use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::metrics::metrics;
@@ -79,7 +79,9 @@ fn table() -> Scene {
     let sampler = Sampler { nearest: true, ..Sampler::default() };
     let texture = Texture { image: 0, uv_set: 0, transform: Affine2::from_scale(Vec2::splat(0.25)), sampler };
     let floor = Material { base_color_texture: Some(texture), ..phong([1.0; 3], [0.0; 3], 1.0) };
-    add(&mut scene, quad(vec3(-4.0, 0.0, 3.0), Vec3::X * 8.0, Vec3::NEG_Z * 6.0, 0.5), floor, DAffine3::IDENTITY);
+    let mut plane = quad(vec3(-4.0, 0.0, 3.0), Vec3::X * 8.0, Vec3::NEG_Z * 6.0, 0.5);
+    plane.vertices.iter_mut().for_each(|vertex| vertex.uv0 = vertex.position.xz());
+    add(&mut scene, plane, floor, DAffine3::IDENTITY);
     let at = |x: f64, y: f64, z: f64| DAffine3::from_translation(dvec3(x, y, z));
     add(&mut scene, sphere(0.6, 48), glass(1.5, 1.0, Vec3::ZERO), at(-1.3, 0.65, 0.0));
     let tinted = Material { base_color: Vec4::new(0.8, 1.0, 0.9, 1.0), ..glass(1.33, 1.0, Vec3::ZERO) };
