@@ -69,29 +69,22 @@ fn convolved(sky: &Sky, columns: u32, weight: impl Fn(f64) -> f64 + Sync, least:
         // The mean of a constant is the constant.
         return Sky::new(width, height, std::iter::repeat_n(even, (width * height) as usize), 0.0);
     }
-    let texel = |i: usize| (i % sky.width as usize, i / sky.width as usize);
-    let source: Vec<(DVec3, DVec3, f64)> = (0..sky.texels.len())
-        .map(|i| {
-            let (column, row) = texel(i);
-            (sky.direction(column, row), sky.texels[i].as_dvec3(), sky.solid_angle(row))
-        })
-        .collect();
+    let source: Vec<Row> = (0..sky.height as usize).map(|row| Row::of(sky, row)).collect();
     let mut grid = Sky::new(width, height, std::iter::repeat_n(Vec3::ZERO, (width * height) as usize), 0.0);
-    let reach = least.max(-1.0).acos();
     let mean = |i: usize| {
         let axis = grid.direction(i % width as usize, i / width as usize);
-        // Rows beyond the lobe's reach contribute nothing.
-        let latitude = axis.y.clamp(-1.0, 1.0).acos() / std::f64::consts::PI * f64::from(sky.height);
-        let rows = reach / std::f64::consts::PI * f64::from(sky.height) + 1.0;
-        let first = (latitude - rows).max(0.0) as usize * sky.width as usize;
-        let end = ((latitude + rows) as usize + 1).min(sky.height as usize) * sky.width as usize;
+        let middle = sky.place(axis).x - 0.5;
         let (mut sum, mut whole) = (DVec3::ZERO, 0.0);
-        for (direction, radiance, angle) in &source[first..end] {
-            let cosine = axis.dot(*direction);
-            if cosine >= least {
-                let share = weight(cosine) * angle;
-                sum += share * *radiance;
-                whole += share;
+        for row in &source {
+            for texels in row.within(&axis, middle, least) {
+                for (direction, radiance) in texels {
+                    let cosine = axis.dot(*direction);
+                    if cosine >= least {
+                        let share = weight(cosine) * row.angle;
+                        sum += share * *radiance;
+                        whole += share;
+                    }
+                }
             }
         }
         // A lobe that falls between texel centres takes the sky's radiance at its axis.
@@ -99,4 +92,41 @@ fn convolved(sky: &Sky, columns: u32, weight: impl Fn(f64) -> f64 + Sync, least:
     };
     grid.texels = (0..(width * height) as usize).into_par_iter().map(mean).collect();
     grid
+}
+
+/// A row of a sky: directions and radiance of its texels.
+struct Row {
+    texels: Vec<(DVec3, DVec3)>,
+    /// Solid angle of each texel \[sr\].
+    angle: f64,
+}
+
+impl Row {
+    fn of(sky: &Sky, row: usize) -> Self {
+        let texel = |column| (sky.direction(column, row), sky.texels[row * sky.width as usize + column].as_dvec3());
+        Self { texels: (0..sky.width as usize).map(texel).collect(), angle: sky.solid_angle(row) }
+    }
+
+    /// All texels whose direction has at least this cosine to an axis, and few others. `middle` is the axis' column.
+    fn within(&self, axis: &DVec3, middle: f64, least: f64) -> [&[(DVec3, DVec3)]; 2] {
+        let count = self.texels.len();
+        let height = self.texels[0].0.y;
+        let across = ((1.0 - height * height) * (1.0 - axis.y * axis.y)).max(0.0).sqrt();
+        let cosine = (least - height * axis.y) / across.max(1e-12);
+        if cosine > 1.0 + 1e-9 {
+            return [&[], &[]];
+        }
+        // One column more than needed on both sides.
+        let reach = cosine.clamp(-1.0, 1.0).acos() / TAU * count as f64 + 1.0;
+        if 2.0 * reach + 1.0 >= count as f64 {
+            return [&self.texels, &[]];
+        }
+        let begin = (middle - reach).floor().rem_euclid(count as f64) as usize;
+        let end = begin + (2.0 * reach) as usize + 2;
+        if end <= count {
+            [&self.texels[begin..end], &[]]
+        } else {
+            [&self.texels[begin..], &self.texels[..(end - count).min(begin)]]
+        }
+    }
 }
