@@ -76,7 +76,7 @@ fn convolved(sky: &Sky, columns: u32, weight: impl Fn(f64) -> f64 + Sync, least:
         let middle = sky.place(axis).x - 0.5;
         let (mut sum, mut whole) = (DVec3::ZERO, 0.0);
         for row in &source {
-            for texels in row.within(&axis, middle, least) {
+            for texels in row.within(axis, middle, least) {
                 for (direction, radiance) in texels {
                     let cosine = axis.dot(*direction);
                     if cosine >= least {
@@ -108,17 +108,18 @@ impl Row {
     }
 
     /// All texels whose direction has at least this cosine to an axis, and few others. `middle` is the axis' column.
-    fn within(&self, axis: &DVec3, middle: f64, least: f64) -> [&[(DVec3, DVec3)]; 2] {
+    fn within(&self, axis: DVec3, middle: f64, least: f64) -> [&[(DVec3, DVec3)]; 2] {
         let count = self.texels.len();
         let height = self.texels[0].0.y;
         let across = ((1.0 - height * height) * (1.0 - axis.y * axis.y)).max(0.0).sqrt();
         let cosine = (least - height * axis.y) / across.max(1e-12);
+        // Rounding may put the cosine of the nearest texel above 1.
         if cosine > 1.0 + 1e-9 {
             return [&[], &[]];
         }
         // One column more than needed on both sides.
         let reach = cosine.clamp(-1.0, 1.0).acos() / TAU * count as f64 + 1.0;
-        if 2.0 * reach + 1.0 >= count as f64 {
+        if 2.0 * reach + 2.0 > count as f64 {
             return [&self.texels, &[]];
         }
         let begin = (middle - reach).floor().rem_euclid(count as f64) as usize;
@@ -126,7 +127,7 @@ impl Row {
         if end <= count {
             [&self.texels[begin..end], &[]]
         } else {
-            [&self.texels[begin..], &self.texels[..(end - count).min(begin)]]
+            [&self.texels[begin..], &self.texels[..end - count]]
         }
     }
 }
