@@ -415,12 +415,12 @@ fn the_librarys_picture_is_renders() {
     let lacking = folder.join("lacking.glb");
     lightskin::scene::write::write_glb(&bare, &lacking).expect("written");
     let gpu = gpu();
-    for file in [&room, &lacking] {
+    for (file, quality, flag) in [(&room, Quality::High, "high"), (&lacking, Quality::Low, "low")] {
         let out = folder.join("render.png");
         let name = file.to_str().expect("a name");
-        works(&folder, &["render", name, "--size", "48x27", "-o", "render.png"]);
-        let loaded = Loaded::open(file, Quality::High, &|_, _| {}).expect("loaded");
-        let settings = loaded.settings(Quality::High);
+        works(&folder, &["render", name, "--quality", flag, "--size", "48x27", "-o", "render.png"]);
+        let loaded = Loaded::open(file, quality, &|_, _| {}).expect("loaded");
+        let settings = loaded.settings(quality);
         let mut engine = Engine::new(&gpu, loaded, &settings).expect("an engine");
         let mut picture = engine.picture(&gpu, [48, 27]).expect("a picture");
         shown(&gpu, &mut engine, &mut picture, [48, 27], &Look::default());

@@ -1,6 +1,12 @@
 //! The report of speed against error, from the command line: measured points, kept points and written files.
 
 use crate::cli::{fails, folder, left, works};
+use crate::common::{assert_clean, gpu};
+use lightskin::frame::Quality;
+use lightskin::lab::eval::report;
+use lightskin::lab::eval::run::{Job, Results, run};
+use lightskin::lab::eval::sweep::{Extent, Point, Sweep};
+use lightskin::lab::knobs::Knobs;
 use lightskin::scene::build::{CornellSurface, cornell};
 use lightskin::scene::{Scene, write::write_glb};
 use std::fs;
@@ -109,18 +115,39 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     fs::remove_file(&picture[0]).expect("a picture of the default");
     let third = eval(&at, &caches);
     assert_eq!(counts(&third), (2, 29, 0), "{third}");
-
-    // With another scene no kept point fits, but none is lost.
-    let mut scene = small();
-    scene.lights[0].intensity *= 2.0;
-    write_glb(&scene, &at.join("box.glb")).expect("a scene");
-    assert_eq!(counts(&eval(&at, &caches)), (31, 0, 0));
-    write_glb(&small(), &at.join("box.glb")).expect("a scene");
-    assert_eq!(counts(&eval(&at, &caches)), (0, 31, 0));
 }
 
 fn lightskin_is_software() -> bool {
     lightskin::gpu::Gpu::new(&lightskin::gpu::Options::default()).expect("a Vulkan device").is_software()
+}
+
+/// Measures only these points of the quick sweep around 50 caches and RSMs of this side, and writes the report.
+fn measure(scene: &Scene, folder: &Path, rsm: u32, points: impl Fn(&Point) -> bool) -> Results {
+    let frame = Knobs { rsm, ..Knobs::at(Quality::High, 50, [32, 18]) };
+    let base = Point { frame, caches: 50, references: 8, angle: 1.0, max_edge: Some(0.0) };
+    let mut sweep = Sweep::new(base, Extent::Quick, 1, 16);
+    sweep.points.retain(points);
+    let gpu = gpu();
+    let job = Job { gpu: &gpu, scene, camera: &scene.cameras[0], sweep: &sweep, folder, program: "this test" };
+    let results = run(&job, &|_, _| ()).expect("measured");
+    report::write(&job, &results, &[]).expect("written");
+    assert_eq!(results.problems, [""; 0]);
+    assert_clean(&gpu);
+    results
+}
+
+/// With another scene no kept point fits, but none is lost.
+#[test]
+fn points_of_another_scene_stay() {
+    let at = folder("eval-scenes");
+    let mut brighter = small();
+    brighter.lights[0].intensity *= 2.0;
+    for (scene, is_new) in [(small(), true), (brighter, true), (small(), false)] {
+        let results =
+            measure(&scene, &at, 32, |point| point.caches == 50 && point.frame.rsm == 32 && point.frame.bounces == 1);
+        let (new, kept, all) = (results.measured, results.kept, results.rows.len());
+        assert!(all > 2 && (new, kept) == if is_new { (all, 0) } else { (0, all) }, "{new} {kept} of {all}");
+    }
 }
 
 /// Three lights of 4096 x 4096 texels each exceed the maximum number of VALs.
@@ -131,20 +158,23 @@ fn a_point_that_fails_is_a_row_with_its_reason() {
     for _ in 0..2 {
         scene.lights.push(scene.lights[0].clone());
     }
-    write_glb(&scene, &at.join("box.glb")).expect("a scene");
-    let out = eval(&at, &["--caches", "50", "--rsm", "4096"]);
-    let (measured, kept, failed) = counts(&out);
-    assert!(measured > 0 && kept == 0 && failed > 0, "{out}");
-    let table = fs::read_to_string(at.join("report/results.csv")).expect("a table");
+    let is_wanted =
+        |point: &Point| point.caches == 50 && [32, 4096].contains(&point.frame.rsm) && point.frame.bounces == 1;
+    let results = measure(&scene, &at, 4096, is_wanted);
+    let failed = results.rows.iter().filter(|row| row.failed.is_some()).count();
+    assert!(results.measured > 0 && results.kept == 0 && failed > 0 && results.measured + failed == results.rows.len());
+    let table = fs::read_to_string(at.join("results.csv")).expect("a table");
     let failures: Vec<&str> = table.lines().filter(|line| line.contains("smaller --rsm")).collect();
     // One brute-force point fails, too.
     assert_eq!(failures.len(), failed + 1, "{table}");
     assert!(failures.iter().all(|line| line.contains(",4096,")), "{table}");
     assert!(table.lines().any(|line| line.contains("same-vals")), "{table}");
-    let page = fs::read_to_string(at.join("report/index.html")).expect("a page");
+    let page = fs::read_to_string(at.join("index.html")).expect("a page");
     assert!(page.contains("Not measured") && page.contains("smaller --rsm"));
     // Failed points are tried again, measured points are kept.
-    assert_eq!(counts(&eval(&at, &["--caches", "50", "--rsm", "4096"])), (0, measured, failed));
+    let again = measure(&scene, &at, 4096, is_wanted);
+    assert_eq!((again.measured, again.kept), (0, results.measured));
+    assert_eq!(again.rows.iter().filter(|row| row.failed.is_some()).count(), failed);
 }
 
 #[test]

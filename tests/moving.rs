@@ -180,7 +180,8 @@ fn animated_files_stand_on_the_device_as_on_the_host() {
         let spans: Vec<(f64, f64)> = scene.animations().map(|(_, begin, end)| (begin, end)).collect();
         let (mut vertices, mut of_caches) = (0.0_f64, 0.0_f64);
         for (animation, (begin, end)) in spans.into_iter().enumerate() {
-            for part in [0.45, 1.0] {
+            // Between two keys; and once at the end, which is the same for all.
+            for part in [0.45, 1.0].into_iter().take(if animation == 0 { 2 } else { 1 }) {
                 scene.pose(animation, begin + (end - begin) * part);
                 buffers.update(&gpu, &scene).expect("the same scene");
                 record(&gpu, &mut frame, &buffers, &scene, settings.size);

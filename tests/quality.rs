@@ -57,8 +57,8 @@ const COUNTS: [usize; 4] = [50, 250, 1000, 4000];
 fn diffuse_cornell_box_converges_to_brute_force() {
     let gpu = Gpu::new(&Options::default()).expect("a Vulkan device");
     let scene = cornell(CornellSurface::Diffuse, 0.05);
-    let truth = render(&gpu, &scene, Gi::BruteForce, 1, [640, 360]);
-    let found = COUNTS.map(|n| metrics(&render(&gpu, &scene, Gi::LightSkin, n, [640, 360]).diffuse, &truth.diffuse));
+    let truth = render(&gpu, &scene, Gi::BruteForce, 1, [320, 180]);
+    let found = COUNTS.map(|n| metrics(&render(&gpu, &scene, Gi::LightSkin, n, [320, 180]).diffuse, &truth.diffuse));
     for (n, e) in COUNTS.iter().zip(&found) {
         println!("diffuse, {n} caches: {}", line(e));
     }

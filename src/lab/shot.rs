@@ -313,7 +313,7 @@ pub struct PixelSurface {
 }
 
 /// The nearest front face at the centre of every pixel, for the scene's first (perspective) camera, by testing all
-/// triangles.
+/// triangles that can cover the pixel.
 pub fn seen(scene: &Scene, size: [u32; 2]) -> Vec<PixelSurface> {
     let camera = &scene.cameras[0];
     let Projection::Perspective { yfov } = camera.projection else { panic!("a pinhole") };
@@ -321,21 +321,37 @@ pub fn seen(scene: &Scene, size: [u32; 2]) -> Vec<PixelSurface> {
     let [width, height] = size.map(f64::from);
     let pose = camera.world_from_camera;
     let all = triangles(scene);
-    let mut seen = Vec::new();
-    for pixel in 0..size[0] as usize * size[1] as usize {
-        let at = DVec2::new((pixel % size[0] as usize) as f64 + 0.5, (pixel / size[0] as usize) as f64 + 0.5);
-        let ray = dvec3((2.0 * at.x / width - 1.0) * width / height, 1.0 - 2.0 * at.y / height, -1.0 / half);
-        let ray = pose.matrix3 * ray;
-        let mut nearest: Option<(f64, PixelSurface)> = None;
-        let mut index = 0;
-        for (i, (triangle, instance)) in all.iter().enumerate() {
-            index = if i > 0 && all[i - 1].1 == *instance { index + 1 } else { 0 };
-            let [a, b, c] = triangle.positions;
-            let face = (b - a).cross(c - a);
+    // Pixel coordinates and distance along the view [m] of a point.
+    let camera_from_world = pose.inverse();
+    let on_screen = |p: DVec3| {
+        let p = camera_from_world.transform_point3(p);
+        let at = DVec2::new(p.x * height / width, -p.y) / (half * -p.z);
+        ((at + 1.0) * 0.5 * DVec2::new(width, height), -p.z)
+    };
+    let mut nearest: Vec<Option<(f64, PixelSurface)>> = (0..size[0] * size[1]).map(|_| None).collect();
+    let mut index = 0;
+    for (i, (triangle, instance)) in all.iter().enumerate() {
+        index = if i > 0 && all[i - 1].1 == *instance { index + 1 } else { 0 };
+        let [a, b, c] = triangle.positions;
+        let face = (b - a).cross(c - a);
+        // Pixels that the triangle can cover: all of them if a corner is beside or behind the eye.
+        let corners = [a, b, c].map(on_screen);
+        let (mut low, mut high) = (DVec2::ZERO, DVec2::new(width, height));
+        if corners.iter().all(|corner| corner.1 > 0.0) {
+            low = corners.iter().fold(high, |low, corner| low.min(corner.0)).max(DVec2::ONE) - 1.0;
+            high = corners.iter().fold(DVec2::ZERO, |high, corner| high.max(corner.0 + 1.0)).min(high);
+        }
+        let columns = low.x as usize..high.x.ceil() as usize;
+        for (row, column) in (low.y as usize..high.y.ceil() as usize).flat_map(|y| columns.clone().map(move |x| (y, x)))
+        {
+            let pixel = row * size[0] as usize + column;
+            let at = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
+            let ray = dvec3((2.0 * at.x / width - 1.0) * width / height, 1.0 - 2.0 * at.y / height, -1.0 / half);
+            let ray = pose.matrix3 * ray;
             let distance = (a - pose.translation).dot(face) / ray.dot(face);
             // Mirroring flips the winding. Also fails for triangles seen edge-on.
             let front = ray.dot(face) * scene.instances[*instance].world_from_model.matrix3.determinant();
-            if !(front < 0.0 && distance > 0.0) || nearest.as_ref().is_some_and(|n| n.0 < distance) {
+            if !(front < 0.0 && distance > 0.0) || nearest[pixel].as_ref().is_some_and(|n| n.0 < distance) {
                 continue;
             }
             let p = pose.translation + distance * ray;
@@ -346,13 +362,12 @@ pub fn seen(scene: &Scene, size: [u32; 2]) -> Vec<PixelSurface> {
                 let normal = (weights[0] * na + weights[1] * nb + weights[2] * nc).normalize();
                 let mesh = &scene.meshes[scene.instances[*instance].mesh];
                 let (vertices, material) = (mesh.triangle(index), mesh.triangle_materials()[index]);
-                nearest = Some((
+                nearest[pixel] = Some((
                     distance,
                     PixelSurface { pixel, instance: *instance, material, vertices, weights, position: p, normal },
                 ));
             }
         }
-        seen.extend(nearest.map(|(_, s)| s));
     }
-    seen
+    nearest.into_iter().flatten().map(|(_, surface)| surface).collect()
 }
