@@ -88,7 +88,7 @@ fn everything_can_be_pressed() {
     app.choose([x, 246], 1, "--shadows off");
     app.tap([64 + 112, 272], "--near rays --near-rays 8");
     assert!(!app.command().contains("--near-every"), "the picture's size decides");
-    app.slide([x, 298], 30, "--near-rays ");
+    app.slide([x, 298], -40, "--near-rays ");
     assert!(!app.command().contains("--near-rays 8"));
     app.slide([x, 324], 30, "--near-every ");
     app.choose([x, 350], 1, "--rsm 32");
