@@ -2,8 +2,10 @@
 //! changed since. Errors name file and line.
 
 use super::variants;
-use std::fs;
+use std::panic::resume_unwind;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::{fs, thread};
 
 /// Source text before every entry shader.
 const PREAMBLE: &str =
@@ -40,11 +42,36 @@ pub(crate) fn sources(folder: &Path) -> Result<Vec<Source>, String> {
     Ok(variants::entries(&files)?.into_iter().filter_map(source).collect())
 }
 
-/// Compiles shaders of a folder. Returns name and SPIR-V of each.
+/// Compiles shaders of a folder on all cores. Returns name and SPIR-V of each, or the error of the first that fails.
 pub(crate) fn compile<'a>(
     folder: &Path,
     sources: impl Iterator<Item = &'a Source>,
 ) -> Result<Vec<(String, Vec<u8>)>, String> {
+    let sources: Vec<&Source> = sources.collect();
+    let next = AtomicUsize::new(0);
+    let some = || -> Result<Vec<_>, String> {
+        let mut done = Vec::new();
+        let compile = compiler(folder)?;
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(source) = sources.get(index) else { return Ok(done) };
+            done.push((index, compile(source)));
+        }
+    };
+    let threads = thread::available_parallelism().map_or(1, usize::from).min(sources.len());
+    let all = thread::scope(|scope| {
+        let threads: Vec<_> = (0..threads).map(|_| scope.spawn(some)).collect();
+        let join = |thread: thread::ScopedJoinHandle<'_, _>| thread.join().unwrap_or_else(|panic| resume_unwind(panic));
+        threads.into_iter().map(join).collect::<Result<Vec<_>, String>>()
+    })?;
+    let mut done: Vec<_> = all.into_iter().flatten().collect();
+    done.sort_unstable_by_key(|(index, _)| *index);
+    let named = |(index, code): (usize, Result<_, String>)| Ok((sources[index].name.clone(), code?));
+    done.into_iter().map(named).collect()
+}
+
+/// A function that compiles a shader of this folder, for one thread.
+fn compiler(folder: &Path) -> Result<impl Fn(&Source) -> Result<Vec<u8>, String>, String> {
     let missing = |error: shaderc::Error| format!("shaderc: {error}; run ./scripts/setup");
     let compiler = shaderc::Compiler::new().map_err(missing)?;
     let mut options = shaderc::CompileOptions::new().map_err(missing)?;
@@ -55,14 +82,13 @@ pub(crate) fn compile<'a>(
     options.set_include_callback(|name, _kind, _from, _depth| {
         Ok(shaderc::ResolvedInclude { resolved_name: format!("glsl/{name}"), content: read(&folder.join(name))? })
     });
-    let compile = |source: &Source| {
+    Ok(move |source: &Source| {
         let file = format!("glsl/{}", source.file);
         match compiler.compile_into_spirv(&source.text, source.kind, &file, "main", Some(&options)) {
-            Ok(artifact) => Ok((source.name.clone(), artifact.as_binary_u8().to_vec())),
+            Ok(artifact) => Ok(artifact.as_binary_u8().to_vec()),
             Err(error) => Err(format!("{}: {error}", source.name)),
         }
-    };
-    sources.map(compile).collect()
+    })
 }
 
 fn read(path: &Path) -> Result<String, String> {
