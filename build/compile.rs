@@ -49,7 +49,7 @@ pub(crate) fn compile<'a>(
 ) -> Result<Vec<(String, Vec<u8>)>, String> {
     let sources: Vec<&Source> = sources.collect();
     let next = AtomicUsize::new(0);
-    let some = || -> Result<Vec<_>, String> {
+    let work = || -> Result<Vec<_>, String> {
         let mut done = Vec::new();
         let compile = compiler(folder)?;
         loop {
@@ -60,7 +60,7 @@ pub(crate) fn compile<'a>(
     };
     let threads = thread::available_parallelism().map_or(1, usize::from).min(sources.len());
     let all = thread::scope(|scope| {
-        let threads: Vec<_> = (0..threads).map(|_| scope.spawn(some)).collect();
+        let threads: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
         let join = |thread: thread::ScopedJoinHandle<'_, _>| thread.join().unwrap_or_else(|panic| resume_unwind(panic));
         threads.into_iter().map(join).collect::<Result<Vec<_>, String>>()
     })?;

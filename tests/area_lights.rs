@@ -77,7 +77,7 @@ fn against_integral(material: &Material, eye: DVec3) -> [f64; 2] {
     let settings = Knobs { gi: Gi::Off, ..small() };
     let shot = shoot(&gpu(), &scene, None, &settings);
     let (mut squares, mut exact, mut shown, mut count) = (0.0, 0.0, 0.0, 0.0);
-    for s in seen(&scene, settings.size).iter().filter(|s| s.instance == 0).step_by(83) {
+    for s in seen(&scene, settings.size).iter().filter(|s| s.instance == 0).step_by(41) {
         let direction = (s.position - eye).normalize();
         let diffuse = f64::from(own.diffuse(-s.normal.dot(direction)).y);
         let lobe = Lobe::new(&own, s.normal, direction);

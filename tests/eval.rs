@@ -1,4 +1,4 @@
-//! The report of speed against error, from the command line: measured points, kept points and written files.
+//! The report of speed against error: measured points, kept points and written files.
 
 use crate::cli::{fails, folder, left, works};
 use crate::common::{assert_clean, gpu};

@@ -152,7 +152,7 @@ fn poses_are_those_of_the_host() {
     assert_clean(&gpu);
 }
 
-/// Every animated file of the shared data, at two times of each animation. The device's vertices and caches must
+/// Every animated file of the shared data, at one or two times of each animation. The device's vertices and caches must
 /// equal those of `Mesh::posed`, which tests/animation.rs compares with a second reader.
 #[test]
 fn animated_files_stand_on_the_device_as_on_the_host() {
@@ -180,7 +180,7 @@ fn animated_files_stand_on_the_device_as_on_the_host() {
         let spans: Vec<(f64, f64)> = scene.animations().map(|(_, begin, end)| (begin, end)).collect();
         let (mut vertices, mut of_caches) = (0.0_f64, 0.0_f64);
         for (animation, (begin, end)) in spans.into_iter().enumerate() {
-            // Between two keys; and once at the end, which is the same for all.
+            // Between two keys, and for the first animation at its end, too.
             for part in [0.45, 1.0].into_iter().take(if animation == 0 { 2 } else { 1 }) {
                 scene.pose(animation, begin + (end - begin) * part);
                 buffers.update(&gpu, &scene).expect("the same scene");
