@@ -4,10 +4,9 @@
 // variant edges_elements.comp: ELEMENTS (where caches are interpolated: also which triangle a pixel shows)
 // variant edges_coat.comp: COAT (where a material has a clear coat or sheen)
 // variant edges_elements_coat.comp: ELEMENTS COAT (both)
-#extension GL_EXT_control_flow_attributes : require
 #include "shared.glsl"
+#include "lib/found_around.glsl"
 #include "lib/octahedral.glsl"
-#include "lib/points.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { EdgesPush push; };
@@ -40,31 +39,8 @@ layout(binding = 19) uniform usampler2D sample_coat;
 layout(binding = 20, rgba32ui) writeonly uniform uimage2D second_coat;
 #endif
 
-// A surface at a point in a pixel.
-struct Seen {
-    float depth; // 0: none
-    uint draw; // 0: unknown
-    vec3 position;
-    vec3 normal; // of its triangle
-};
-
-vec3 place(vec2 ndc, float depth) {
-    vec4 world = push.world_from_clip * vec4(ndc, depth, 1.0);
-    return world.xyz / world.w;
-}
-
 Seen seen(vec2 ndc, float depth, uint draw, float x, float y) {
-    return Seen(depth, draw, depth > 0.0 ? place(ndc, depth) : vec3(0.0), octahedral_decode(vec2(x, y)));
-}
-
-// Whether two samples lie on one surface: same draw, within half a pixel of each other's planes, similar normals.
-bool alike(Seen a, Seen b, float pixel) {
-    if (a.depth == 0.0 || b.depth == 0.0) {
-        return a.depth == b.depth;
-    }
-    vec3 d = b.position - a.position;
-    float aside = max(abs(dot(d, a.normal)), abs(dot(d, b.normal)));
-    return a.draw == b.draw && dot(a.normal, b.normal) > 0.9 && aside < 0.5 * pixel;
+    return Seen(depth, draw, depth > 0.0 ? place(push.world_from_clip, ndc, depth) : vec3(0.0), octahedral_decode(vec2(x, y)));
 }
 
 // Whether reflectances differ by more than the rounding of their mean.
@@ -78,38 +54,19 @@ float depth_in_the_middle(Seen at, vec2 middle, vec2 offset, float pixel) {
     vec4 plane = vec4(at.normal, -dot(at.normal, at.position)) * push.world_from_clip;
     float moved = at.depth + dot(plane.xy, offset) / plane.z;
     // On planes seen nearly edge-on the depth may be far off; keep the sample's depth then.
-    bool stays = moved > 0.0 && distance(place(middle, moved), at.position) < 4.0 * pixel;
+    bool stays = moved > 0.0 && distance(place(push.world_from_clip, middle, moved), at.position) < 4.0 * pixel;
     return stays ? moved : at.depth;
 }
 
-// Code of the nearest of the 8 pixels around whose first surface contains the point; its shading serves for the point.
-uint found_around(Seen here, vec3 normal, ivec2 at, float pixel) {
+bool shows(ivec2 other, float depth, Seen here, float pixel) {
     ivec2 size = textureSize(first_depth, 0);
-    uint found = SHOWS_ANOTHER;
-    float nearest = 1e9;
-    // Not unrolled: the loop ends once no thread needs it, but software devices execute unrolled rounds for all
-    // threads.
-    [[dont_unroll]] for (uint i = 0u; i < 8u; i++) {
-        ivec2 other = at + pixel_around(i);
-        vec2 d = vec2(pixel_around(i)) - push.offset;
-        if (any(lessThan(other, ivec2(0))) || any(greaterThanEqual(other, size)) || dot(d, d) >= nearest) {
-            continue;
-        }
-        float depth = texelFetch(first_depth, other, 0).r;
-        bool is_it = depth == 0.0 && here.depth == 0.0;
-        if (depth > 0.0 && here.depth > 0.0) {
-            vec3 p = place((vec2(other) + 0.5) / vec2(size) * 2.0 - 1.0, depth);
-            is_it = abs(dot(p - here.position, here.normal)) < pixel && dot(texelFetch(first_normal, other, 0).xyz, normal) > 0.8;
+    vec3 p = place(push.world_from_clip, (vec2(other) + 0.5) / vec2(size) * 2.0 - 1.0, depth);
+    vec3 normal = texelFetch(sample_normal, ivec2(gl_GlobalInvocationID.xy), 0).xyz;
+    bool is_it = abs(dot(p - here.position, here.normal)) < pixel && dot(texelFetch(first_normal, other, 0).xyz, normal) > 0.8;
 #ifdef ELEMENTS
-            is_it = is_it && texelFetch(first_element, other, 0).x == here.draw;
+    is_it = is_it && texelFetch(first_element, other, 0).x == here.draw;
 #endif
-        }
-        if (is_it) {
-            found = SHOWS_AROUND + i;
-            nearest = dot(d, d);
-        }
-    }
-    return found;
+    return is_it;
 }
 
 void main() {
@@ -133,8 +90,7 @@ void main() {
     vec4 first_a = imageLoad(first_albedo, at);
     vec4 first_s = imageLoad(first_specular, at);
     Seen first = seen(middle, texelFetch(first_depth, at, 0).r, first_draw, first_a.a, first_s.a);
-    float depth = max(here.depth, first.depth);
-    float pixel = depth > 0.0 ? distance(place(middle, depth), place(middle + vec2(2.0 / float(size.x), 0.0), depth)) : 0.0;
+    float pixel = pixel_side(push.world_from_clip, middle, max(here.depth, first.depth), size.x);
 
     uint all = push.point > 0u ? imageLoad(codes, at).r : 0u;
     uint of_first = 1u;
@@ -146,7 +102,7 @@ void main() {
     }
     vec4 emitted = texelFetch(sample_radiance, at, 0);
     uint code = SHOWS_SECOND;
-    if (alike(first, here, pixel)) {
+    if (same_surface(first, here, pixel)) {
         code = SHOWS_FIRST;
         float share = 1.0 / float(of_first + 1u);
         if (differ(first_a, albedo)) {
@@ -176,7 +132,7 @@ void main() {
         vec4 second_a = imageLoad(second_albedo, at);
         vec4 second_s = imageLoad(second_specular, at);
         Seen second = seen(middle, imageLoad(second_depth, at).r, second_draw, second_a.a, second_s.a);
-        if (alike(second, here, pixel)) {
+        if (same_surface(second, here, pixel)) {
             float share = 1.0 / float(of_second + 1u);
             if (differ(second_a, albedo)) {
                 imageStore(second_albedo, at, vec4(mix(second_a.rgb, albedo.rgb, share), second_a.a));
@@ -186,7 +142,7 @@ void main() {
             }
             imageStore(second_radiance, at, mix(imageLoad(second_radiance, at), vec4(emitted.rgb, 0.0), share));
         } else {
-            code = found_around(here, texelFetch(sample_normal, at, 0).xyz, at, pixel);
+            code = found_around(here, first_depth, at, push.offset, pixel);
         }
     }
     if (push.point == 0u && code != SHOWS_SECOND) {

@@ -16,7 +16,7 @@ void main() {
         discard;
     }
     vec3 first = texelFetch(first_image, at, 0).rgb;
-    vec3 second = texelFetch(second_image, at, 0).rgb; // valid: any code but SHOWS_FIRST implies a second surface
+    vec3 second = texelFetch(second_image, at, 0).rgb; // without second surfaces: the first image
     vec3 sum = first;
     float count = 1.0;
     for (uint i = 0u; i < POINTS; i++) {

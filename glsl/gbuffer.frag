@@ -24,6 +24,7 @@ layout(constant_id = 1) const uint POINTS = 0; // further points of a pixel, ove
 layout(constant_id = 2) const uint DAMPED = 0; // 1: widen lobes by the curvature and bumps within a pixel
 
 layout(constant_id = 3) const uint INSIDE = 0; // stage 10 brings light from inside filled bodies: 1 from afar, 2 all
+layout(constant_id = 4) const uint AVERAGED = 0; // 1: the base colour is the mean over a multisampled pixel's samples
 
 layout(location = 0) in vec3 raster_position;
 layout(location = 1) in vec3 normal;
@@ -136,6 +137,15 @@ void main() {
     float side = inversesqrt(float(1u + POINTS));
     Uv share = Uv(here.at, here.dx * side, here.dy * side);
     vec4 base = base_color(material, share, color);
+    if (AVERAGED != 0u && has_texture(material, TEXTURE_BASE_COLOR)) {
+        vec4 sum = vec4(0.0);
+        for (uint i = 0u; i < 4u; i++) {
+            vec4 at_sample = base_color(material, uv_at_sample(here, i), color);
+            bool hole = has_holes() && at_sample.a < materials[material].seen_cutoff;
+            sum += hole ? vec4(0.0) : vec4(at_sample.rgb, 1.0);
+        }
+        base.rgb = sum.a > 0.0 ? sum.rgb / sum.a : base.rgb;
+    }
     Material m = materials[material];
     if (has_holes() && base.a < m.seen_cutoff) {
         discard;
@@ -148,10 +158,7 @@ void main() {
     }
 #endif
     vec3 towards_viewer = -view_direction(push.eye, position);
-    // If neighbouring positions are equal in f32, the differences vanish; use the vertex normal then.
-    vec3 geometric = cross(unit_or(px, vec3(0.0)), unit_or(py, vec3(0.0)));
-    geometric = unit_or(geometric, unit_or(normal, towards_viewer));
-    geometric = dot(geometric, towards_viewer) < 0.0 ? -geometric : geometric;
+    vec3 geometric = facing_normal(px, py, normal, towards_viewer);
     vec3 n = unit_or(normal, geometric);
     vec3 nx = dFdx(n);
     vec3 ny = dFdy(n);

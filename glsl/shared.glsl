@@ -421,6 +421,11 @@ struct EdgesPush {
     uint point; // index of the sample, from 0
 };
 
+// Push constants of the pass that finds the surfaces of samples.
+struct SamplesPush {
+    mat4 world_from_clip;
+};
+
 // Push constants of the pass that turns RSM texels into VALs.
 struct ValPush {
     uint light;

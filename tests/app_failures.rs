@@ -213,7 +213,7 @@ fn memory_runs_out() {
     let folder = folder("app_memory");
     let scene = cornell();
     let path = scene.to_str().expect("a path");
-    let words = ["view", path, "--size", "64x48", "--reduced-motion"];
+    let words = ["view", path, "--size", "64x48", "--aa", "4", "--reduced-motion"];
     let variables = [("LIGHTSKIN_DEVICE_MIB", "64")];
     let mut app = App::start_with(&display, &folder, &variables, &[&words[..], &SMALL].concat());
     app.line("scene");

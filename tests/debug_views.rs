@@ -51,6 +51,7 @@ pub(crate) fn pass(gpu: &Gpu, vertex: &'static str, fragment: &'static str, shap
         blend: Blend::Replace,
         depth: Depth::None,
         cull: Cull::None,
+        multisampled: false,
         constants: &[],
     };
     gpu.raster(&raster).expect("a pass")

@@ -59,7 +59,7 @@ fn vertices_can_number_triangles_where_fragments_cannot() {
         };
         vec![
             bits(&shoot(gpu, &all, Some(&cached), &with(RAYS, Antialiasing::Four, 2))),
-            bits(&shoot(gpu, &all, Some(&by_cells), &with(Near::Off, Antialiasing::Off, 1))),
+            bits(&shoot(gpu, &all, Some(&by_cells), &with(Near::Off, Antialiasing::Fast, 1))),
             bits(&shoot(gpu, &plain, Some(&cached_plain), &with(Near::Off, Antialiasing::Off, 0))),
         ]
     };

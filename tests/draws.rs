@@ -158,7 +158,7 @@ fn textured(more: usize) -> Scene {
 #[test]
 fn pipelines_that_know_their_materials_draw_what_others_draw() {
     let gpu = gpu();
-    for antialiasing in [Antialiasing::Off, Antialiasing::Four] {
+    for antialiasing in [Antialiasing::Off, Antialiasing::Fast, Antialiasing::Four] {
         let knobs = Knobs { size: [72, 54], gi: Gi::Off, antialiasing, ..small() };
         // Each of few kinds has its own pipelines. Of many kinds, the last ones share pipelines.
         let [few, many] = [0, 40].map(|more| {

@@ -133,6 +133,7 @@ fn kinds() -> Vec<Settings> {
         Knobs { shadows: Shadows::PerLight, near: Near::Rays { per_pixel: 4, every: 2 }, ..base },
         Knobs { antialiasing: Antialiasing::Four, near: Near::Rays { per_pixel: 4, every: 2 }, ..base },
         Knobs { gi: Gi::Off, antialiasing: Antialiasing::Eight, ..base },
+        Knobs { antialiasing: Antialiasing::Fast, ..base },
         Knobs { light_shadows: LightShadows::Rays, ..base },
         Knobs { gi: Gi::Off, light_shadows: LightShadows::Rays, antialiasing: Antialiasing::Four, ..base },
     ];

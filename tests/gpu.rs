@@ -35,6 +35,7 @@ pub(crate) const SCREEN: Raster<'_> = Raster {
     blend: Blend::Replace,
     depth: Depth::Nearest,
     cull: Cull::None,
+    multisampled: false,
     constants: &[],
 };
 
@@ -352,6 +353,8 @@ fn commands_that_break_their_contracts_are_refused() {
     let rendered = |cmd: &Cmd<'_>, colors: &[Attach<'_>], depth: Option<Attach<'_>>, area: [u32; 4]| {
         cmd.render(&Attachments { colors, depth, area }, |_| ());
     };
+    let (name, format) = ("many", Format::D32_SFLOAT);
+    let multisampled = ImageDesc { name, format, size: [8, 8], extent: Extent::Samples, storage: false };
     type Record<'a> = Box<dyn Fn(&Cmd<'_>) + 'a>;
     let cases: Vec<(&str, Record<'_>)> = vec![
         // Copies.
@@ -360,7 +363,7 @@ fn commands_that_break_their_contracts_are_refused() {
         ("0 bytes", Box::new(|cmd| cmd.copy_buffer(&small, &large, 0))),
         ("copied onto itself", Box::new(|cmd| cmd.copy_buffer(&small, &small, 16))),
         ("256 bytes into small", Box::new(|cmd| cmd.copy_image_to_buffer(&plane, &small))),
-        ("textures are not read back", Box::new(|cmd| cmd.copy_image_to_buffer(&red, &small))),
+        ("textures and multisampled images are not read back", Box::new(|cmd| cmd.copy_image_to_buffer(&red, &small))),
         ("large: 8 bytes at 4092", Box::new(|cmd| cmd.update(&large, 4092, &[0_u32; 2]))),
         ("foreign: of another device", Box::new(|cmd| cmd.clear(&foreign))),
         ("foreign: of another device", Box::new(|cmd| cmd.copy_buffer(&foreign, &large, 16))),
@@ -497,6 +500,35 @@ fn commands_that_break_their_contracts_are_refused() {
         ("attribute 0 at byte 30 of 32", Box::new(|_| streams(&[(0, Format::R32_SFLOAT, 30)]))),
         ("attribute 0 at byte 24 of 32", Box::new(|_| streams(&[(0, Format::R32G32B32_SFLOAT, 24)]))),
         ("attribute 1000 of R32_SFLOAT", Box::new(|_| streams(&[(1000, Format::R32_SFLOAT, 0)]))),
+        ("made for [] and depth, multisampled, not for these attachments: [] and depth", {
+            Box::new(|cmd| {
+                let pipeline = gpu.raster(&Raster { multisampled: true, ..SCREEN }).expect("made");
+                let depth = gpu.target("depth", Format::D32_SFLOAT, 8, 8).expect("made");
+                let into = Attachments { colors: &[], depth: Some(Attach::clear(&depth)), area: [0, 0, 8, 8] };
+                cmd.render(&into, |draw| draw.bind(&pipeline, &[]));
+            })
+        }),
+        ("single and many samples", {
+            Box::new(|cmd| {
+                let depth = gpu.image(&multisampled).expect("made");
+                let color = gpu.target("color", Format::R32_SFLOAT, 8, 8).expect("made");
+                let colors = [Attach::clear(&color)];
+                let into = Attachments { colors: &colors, depth: Some(Attach::clear(&depth)), area: [0, 0, 8, 8] };
+                cmd.render(&into, |_| ());
+            })
+        }),
+        ("many does not fit binding 1", {
+            Box::new(|cmd| {
+                let image = gpu.image(&multisampled).expect("made");
+                cmd.bind(&add(&gpu, 1), &[(&small).into(), (&image).into()]);
+            })
+        }),
+        ("many: textures and multisampled images are not read back", {
+            Box::new(|cmd| drop(cmd.read_image::<f32>(&gpu.image(&multisampled).expect("made"))))
+        }),
+        ("many: multisampled images are not storage images", {
+            Box::new(|_| drop(gpu.image(&ImageDesc { storage: true, ..multisampled })))
+        }),
         ("1000 colours", Box::new(|_| drop(gpu.raster(&Raster { colors: &[Format::R32_SFLOAT; 1000], ..SCREEN })))),
         // Access by the CPU.
         ("local: not a host-visible buffer", {

@@ -140,7 +140,7 @@ fn every_kind_of_frame_is_clean() {
     let dark = Scene { lights: Vec::new(), ..glazed() };
     let caches = baked(&scene, 0.6, 8);
     for scene in [&scene, &dark] {
-        for antialiasing in [Antialiasing::Off, Antialiasing::Four] {
+        for antialiasing in [Antialiasing::Off, Antialiasing::Fast, Antialiasing::Four] {
             for light_shadows in [LightShadows::Rays, LightShadows::Maps(64)] {
                 for gi in [Gi::Off, Gi::BruteForce, Gi::LightSkin] {
                     let knobs = Knobs { gi, light_shadows, antialiasing, ..direct([20, 14], 2) };
@@ -200,7 +200,7 @@ fn glass_before_nothing_shows_the_surroundings() {
     scene.cameras.push(camera(dvec3(0.0, 0.0, 4.0), DVec3::ZERO, 0.8));
     let at = folder("layers-backdrop");
     write_glb(&scene, &at.join("pane.glb")).expect("written");
-    for aa in ["off", "4"] {
+    for aa in ["off", "fast", "4"] {
         let args =
             ["render", "pane.glb", "-o", "a.png", "--size", "32x32", "--gi", "off", "--aa", aa, "--ground", "off"];
         works(&at, &[&args[..], &["--background", "transparent"]].concat());

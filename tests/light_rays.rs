@@ -167,7 +167,7 @@ fn light_of_a_lamp_in_a_closed_housing_stays_in() {
     light.position = dvec3(0.05, 0.62, 0.0);
     scene.lights = vec![light];
     scene.cameras.push(camera(dvec3(1.5, 1.2, 2.0), dvec3(0.0, 0.4, 0.0), 0.8));
-    for antialiasing in [Antialiasing::Off, Antialiasing::Four] {
+    for antialiasing in [Antialiasing::Off, Antialiasing::Fast, Antialiasing::Four] {
         let shown = shoot(&gpu(), &scene, None, &rays([160, 120], antialiasing)).direct;
         let lit = shown.iter().filter(|pixel| **pixel != DVec3::ZERO).count();
         assert_eq!(lit, 0, "{antialiasing:?}: pixels outside must be dark");

@@ -152,7 +152,7 @@ fn brute_force_by_blocks_is_one_frame() {
             scene.materials[0].fill(Subsurface::of_color(vec3(0.8, 0.7, 0.4), Vec3::splat(0.03), 1.4));
         }
         let world = World::new(&gpu, &scene, None).expect("uploaded");
-        for antialiasing in [Antialiasing::Off, Antialiasing::Four] {
+        for antialiasing in [Antialiasing::Off, Antialiasing::Fast, Antialiasing::Four] {
             let knobs = Knobs { gi: Gi::BruteForce, antialiasing, layers: 2, size: [50, 40], reuse: true, ..plain() };
             let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
             let drawn = |parts: &[Part]| {

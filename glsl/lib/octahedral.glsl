@@ -16,4 +16,15 @@ vec3 octahedral_decode(vec2 e) {
     return normalize(n);
 }
 
+// A unit vector in the 24 bits that a float holds exactly.
+float coded_normal(vec3 n) {
+    vec2 bits = round(octahedral_encode(n) * 2047.0 + 2048.0);
+    return bits.x + 4096.0 * bits.y;
+}
+
+vec3 decoded_normal(float code) {
+    uint bits = uint(code);
+    return octahedral_decode((vec2(bits & 4095u, bits >> 12) - 2048.0) / 2047.0);
+}
+
 #endif

@@ -2,7 +2,22 @@
 #ifndef SURFACE_GLSL
 #define SURFACE_GLSL
 #include "lib/material.glsl"
+#include "lib/samples.glsl"
 #include "lib/textures.glsl"
+
+// Normal of a triangle on the viewer's side, from the differences of positions to the next pixels.
+vec3 facing_normal(vec3 px, vec3 py, vec3 normal, vec3 towards_viewer) {
+    // If neighbouring positions are equal in f32, the differences vanish; use the vertex normal then.
+    vec3 geometric = cross(unit_or(px, vec3(0.0)), unit_or(py, vec3(0.0)));
+    geometric = unit_or(geometric, unit_or(normal, towards_viewer));
+    return dot(geometric, towards_viewer) < 0.0 ? -geometric : geometric;
+}
+
+// Place of a multisampled pixel's sample on a texture, of which it covers a quarter of the pixel.
+Uv uv_at_sample(Uv middle, uint i) {
+    vec2 offset = STANDARD_SAMPLES[i];
+    return Uv(middle.at + middle.dx * offset.x + middle.dy * offset.y, 0.5 * middle.dx, 0.5 * middle.dy);
+}
 
 // Base colour and alpha: factor, texture and vertex colour.
 vec4 base_color(uint material, Uv uv, vec4 color) {

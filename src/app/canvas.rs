@@ -138,6 +138,7 @@ impl Canvas {
             blend: Blend::Over,
             depth: Depth::None,
             cull: Cull::None,
+            multisampled: false,
             constants: &[],
         };
         let layer = Raster {

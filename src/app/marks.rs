@@ -66,6 +66,7 @@ impl Marker {
                 blend: Blend::Replace,
                 depth: Depth::None,
                 cull: Cull::None,
+                multisampled: false,
                 constants: &[],
             })
         };

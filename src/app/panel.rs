@@ -384,11 +384,13 @@ impl State {
             row(ui, "Direct shadows", &help, |ui| choose(ui, "light_shadows", &mut settings.light_shadows, &kinds));
             let kinds = [
                 (Antialiasing::Off, "off"),
+                (Antialiasing::Fast, "fast"),
                 (Antialiasing::Four, "4 extra points"),
                 (Antialiasing::Eight, "8 extra points"),
             ];
             let help = format!(
-                "Sample points per pixel, in addition to its centre, for smooth edges. The scene is drawn once for each.{}",
+                "Sample points per pixel, in addition to its centre, for smooth edges. The scene is drawn once for each. Fast \
+                 draws four at once. Where they show another surface, they take the light of the pixels around.{}",
                 cost(document, &["edges", "mix edges"])
             );
             row(ui, "Antialiasing", &help, |ui| choose(ui, "antialiasing", &mut settings.antialiasing, &kinds));

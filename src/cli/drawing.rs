@@ -36,10 +36,10 @@ pub(super) struct DrawingArgs {
     /// Shadows of lamps and the sun: rays, or shadow maps of N x N texels [default: rays at --quality high].
     #[arg(long, help_heading = QUALITY, value_name = "rays|N", value_parser = light_shadows)]
     shadow_map: Option<LightShadows>,
-    /// Antialiasing: extra sample points per pixel [default: 4 at --quality high].
+    /// Antialiasing: extra sample points per pixel, or fast [default: 4 at --quality high].
     ///
     /// With --gi path-trace, any value but off spreads the samples over the pixel.
-    #[arg(long, help_heading = QUALITY, value_name = "POINTS", value_enum)]
+    #[arg(long, help_heading = QUALITY, value_name = "off|fast|4|8", value_enum)]
     aa: Option<AntialiasingArg>,
     /// Maximum number of glass and blended layers per pixel; the nearest are drawn [default: 4 at --quality high].
     #[arg(long, help_heading = QUALITY, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=64))]
@@ -172,7 +172,7 @@ impl DrawingArgs {
             ("bounces", json!(self.bounces(level))),
             ("rsm", json!(rsm)),
             ("shadow_map", light_shadows_word(light_shadows).into()),
-            ("aa", json!(antialiasing.samples())),
+            ("aa", word(AntialiasingArg::of(antialiasing)).into()),
             ("layers", json!(layers)),
             ("gather", json!(gather.map(|gather| gather.name()))),
             ("gather_vals", json!(ways.map(|ways| ways.source.name()))),

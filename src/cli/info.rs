@@ -2,8 +2,8 @@
 //! levels.
 
 use super::gather::ClusterArgs;
-use super::words::{ShadowsArg, light_shadows_word};
-use super::{CacheArgs, DeviceArgs, QualityArg, bake_scene, check_messages, load_scene, thousands};
+use super::words::{AntialiasingArg, ShadowsArg, light_shadows_word};
+use super::{CacheArgs, DeviceArgs, QualityArg, bake_scene, check_messages, load_scene, thousands, word};
 use anyhow::{Context, Result};
 use glam::{DAffine3, DVec3};
 use lightskin::frame::plan::STAGES;
@@ -214,14 +214,14 @@ fn say_media(scene: &Scene) {
 fn say_levels(gpu: &Gpu, world: &World, now: Quality) {
     let most = gpu.most_buffer_bytes() / size_of::<Val>() as u64;
     let mut too_many = Vec::new();
-    say!("quality       caches  refs   VALs  shadow map  near rays  bounces  aa  shadows");
+    say!("quality       caches  refs   VALs  shadow map  near rays  bounces    aa  shadows");
     for quality in Quality::ALL {
         let sides =
             world.lights().iter().map(|light| u64::from(light.views) * u64::from(light.rsm_size(quality.rsm())).pow(2));
         let vals = sides.sum::<u64>() + world.emitters.len() as u64;
         too_many.extend((vals > most).then(|| name(quality)));
         say!(
-            "{} {:<10} {:>6} {:>5} {:>6} {:>11} {:>10} {:>8} {:>3}  {}",
+            "{} {:<10} {:>6} {:>5} {:>6} {:>11} {:>10} {:>8} {:>5}  {}",
             if quality == now { '*' } else { ' ' },
             name(quality),
             quality.caches(),
@@ -233,7 +233,7 @@ fn say_levels(gpu: &Gpu, world: &World, now: Quality) {
                 near => format!("{} / {}", near.per_pixel(), near.every(SIZE).pow(2)),
             },
             quality.bounces(),
-            quality.antialiasing().samples(),
+            word(AntialiasingArg::of(quality.antialiasing())),
             ShadowsArg::of(quality.shadows(quality.caches(), quality.near()))
         );
     }

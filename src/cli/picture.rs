@@ -285,12 +285,12 @@ struct Rest {
     edges: Option<ReadEdges>,
 }
 
-/// The second surfaces that antialiasing found off the centres of pixels.
+/// What antialiasing found off the centres of pixels.
 struct ReadEdges {
     antialiasing: Antialiasing,
     /// Radiance of the first surfaces, before mixing.
     before: Vec<[f32; 4]>,
-    /// Radiance and depth of the second surfaces.
+    /// Radiance and depth of the second surfaces; empty with fast antialiasing.
     second: Vec<[f32; 4]>,
     second_depth: Vec<f32>,
     codes: Vec<u32>,
@@ -309,8 +309,8 @@ impl Rest {
             Some(edges) => Some((
                 edges.antialiasing,
                 cmd.read_image(&edges.before)?,
-                cmd.read_image(&edges.surface.radiance)?,
-                cmd.read_image(&edges.surface.depth)?,
+                picture.second().map(|second| cmd.read_image(&second.surface.radiance)).transpose()?,
+                picture.second().map(|second| cmd.read_image(&second.surface.depth)).transpose()?,
                 cmd.read_image(&edges.codes)?,
             )),
             None => None,
@@ -321,8 +321,8 @@ impl Rest {
                 Some((antialiasing, before, second, second_depth, codes)) => Some(ReadEdges {
                     antialiasing,
                     before: before.take()?,
-                    second: second.take()?,
-                    second_depth: second_depth.take()?,
+                    second: second.map_or(Ok(Vec::new()), Readback::take)?,
+                    second_depth: second_depth.map_or(Ok(Vec::new()), Readback::take)?,
                     codes: codes.take()?,
                 }),
                 None => None,

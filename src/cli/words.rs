@@ -55,7 +55,9 @@ pub(super) fn light_shadows_word(light_shadows: LightShadows) -> String {
 pub(super) enum AntialiasingArg {
     /// No antialiasing: a pixel shows the surface at its centre.
     Off,
-    /// Four extra sample points.
+    /// Four extra sample points. Those on another surface take their light from the pixels around.
+    Fast,
+    /// Four extra sample points, shaded where they show another surface.
     #[value(name = "4")]
     Four,
     /// Eight extra sample points.
@@ -65,10 +67,10 @@ pub(super) enum AntialiasingArg {
 
 impl AntialiasingArg {
     /// The value of `--aa` for this setting.
-    #[cfg(feature = "app")]
     pub(super) fn of(antialiasing: Antialiasing) -> Self {
         match antialiasing {
             Antialiasing::Off => Self::Off,
+            Antialiasing::Fast => Self::Fast,
             Antialiasing::Four => Self::Four,
             Antialiasing::Eight => Self::Eight,
         }
@@ -79,6 +81,7 @@ impl From<AntialiasingArg> for Antialiasing {
     fn from(arg: AntialiasingArg) -> Self {
         match arg {
             AntialiasingArg::Off => Self::Off,
+            AntialiasingArg::Fast => Self::Fast,
             AntialiasingArg::Four => Self::Four,
             AntialiasingArg::Eight => Self::Eight,
         }

@@ -60,6 +60,7 @@ impl BruteForce {
             blend: Blend::Add,
             depth: Depth::None,
             cull: Cull::None,
+            multisampled: false,
             constants: &[],
         })?;
         Ok(Self { pipeline, inside: InsideBruteForce::new(gpu, plan)? })

@@ -76,8 +76,12 @@ impl<'a> Composed<'a> {
         let mut binds = self.binds(&self.out.exposure);
         if let Some(edges) = self.edges {
             binds.extend(radiances(&edges.before, edges.indirect_before.as_ref()));
-            binds.extend(radiances(&edges.surface.radiance, edges.indirect.as_ref()));
-            binds.extend([&edges.surface.depth, &edges.codes].map(Bind::from));
+            // Without second surfaces no point shows them; the first ones take their bindings.
+            let second = edges.second.as_ref();
+            let indirect = second.map_or(edges.indirect_before.as_ref(), |second| second.indirect.as_ref());
+            binds.extend(radiances(second.map_or(&edges.before, |second| &second.surface.radiance), indirect));
+            let depth = second.map_or(&self.surface.depth, |second| &second.surface.depth);
+            binds.extend([depth, &edges.codes].map(Bind::from));
         }
         // The nearest layer.
         binds.extend(self.layers.and_then(|layers| layers.list.first()).map(|layer| Bind::from(&layer.surface.depth)));
@@ -97,7 +101,7 @@ impl Composite {
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Device, plan: &Plan) -> Result<Self> {
-        let points = plan.antialiasing.samples();
+        let points = plan.antialiasing.points();
         let constants = [u32::from(plan.indirect()), u32::from(plan.indirect() && plan.glossy), points];
         Ok(Self {
             fill: gpu.compute("expose_bins.comp", &constants[..2])?,
@@ -116,6 +120,7 @@ impl Composite {
                 blend: Blend::Replace,
                 depth: Depth::None,
                 cull: Cull::None,
+                multisampled: false,
                 constants: &constants,
             })?,
         })

@@ -48,6 +48,7 @@ impl Cull {
                     blend: Blend::Replace,
                     depth: Depth::Nearest,
                     cull: crate::gpu::Cull::None,
+                    multisampled: false,
                     constants: &[],
                 })?;
                 (TEXEL_CACHES, CloseUp::Mask { histogram })

@@ -58,6 +58,7 @@ impl Maps {
             blend: Blend::Replace,
             depth: Depth::Nearest,
             cull: Cull::None,
+            multisampled: false,
             constants: &[],
         };
         let with_holes = Raster {
@@ -115,7 +116,7 @@ impl Direct {
     pub fn new(gpu: &Device, world: &World, plan: &Plan, (side, keep): (u32, bool)) -> Result<Self> {
         let used = |light: &&LightInfo| !(plan.sky_light && light.of_sky);
         let has = |area| world.lights().iter().filter(used).any(|light| light.is_area == area);
-        let samples = plan.antialiasing.samples();
+        let points = plan.antialiasing.points();
         let (hidden, shade, shade_area) = if plan.light_rays {
             let names = if plan.coated {
                 ["direct_rays_coat.frag", "direct_area_rays_coat.frag"]
@@ -129,7 +130,7 @@ impl Direct {
             } else {
                 ["direct.frag", "direct_area.frag"]
             };
-            (Hidden::Maps(Box::new(Maps::new(gpu, world, side, keep)?)), (names[0], &[samples][..]), names[1])
+            (Hidden::Maps(Box::new(Maps::new(gpu, world, side, keep)?)), (names[0], &[points][..]), names[1])
         };
         let vertex = if plan.light_rays { "tiles.vert" } else { "screen.vert" };
         Ok(Self {

@@ -84,6 +84,7 @@ impl Draws {
                 blend: Blend::Add,
                 depth: if cull { Depth::Behind } else { Depth::None },
                 cull: Cull::None,
+                multisampled: false,
                 constants: &[source as u32, spread, u32::from(gpu.is_software())],
             })?,
             source,

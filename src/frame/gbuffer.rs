@@ -58,7 +58,7 @@ impl Surface {
     pub(super) fn unlit(gpu: &Device, plan: &Plan, size: [u32; 2]) -> Result<Self> {
         let [w, h] = size;
         // Further points of a pixel write into the images.
-        let storage = plan.antialiasing != Antialiasing::Off;
+        let storage = plan.antialiasing.shaded_points() > 0;
         let image = |name, format| gpu.image(&ImageDesc { name, format, size, extent: Extent::Plane, storage });
         Ok(Self {
             size,
@@ -121,6 +121,7 @@ impl Surface {
             blend: Blend::Add,
             depth: Depth::None,
             cull: Cull::None,
+            multisampled: false,
             constants,
         })
     }
@@ -154,7 +155,7 @@ fn pulls(gpu: &Device, plan: &Plan) -> bool {
 fn surfaces(
     (gpu, world): (&Device, &World),
     plan: &Plan,
-    points: u32,
+    (points, averaged): (u32, bool),
     fragment: &'static str,
     colors: &[Format],
 ) -> Result<ByKind> {
@@ -172,7 +173,8 @@ fn surfaces(
             blend: Blend::Replace,
             depth: Depth::Nearest,
             cull: Cull::Back,
-            constants: &[kind, points, damped, inside],
+            multisampled: false,
+            constants: &[kind, points, damped, inside, averaged.into()],
         })
     })
 }
@@ -212,12 +214,16 @@ impl GBuffer {
                     blend: Blend::Replace,
                     depth: Depth::Farther,
                     cull: Cull::Back,
+                    multisampled: false,
                     constants: &[],
                 })
             })
         });
-        let points = plan.antialiasing.samples();
-        Ok(Self { depth: depth.transpose()?, draw: surfaces((gpu, world), plan, points, name, &targets(plan, None))? })
+        let textures = (plan.antialiasing.shaded_points(), plan.antialiasing == Antialiasing::Fast);
+        Ok(Self {
+            depth: depth.transpose()?,
+            draw: surfaces((gpu, world), plan, textures, name, &targets(plan, None))?,
+        })
     }
 
     /// Creates the pipelines for transparent layers.
@@ -230,7 +236,7 @@ impl GBuffer {
             (true, true, false) => "layers_pulled.frag",
             (true, true, true) => "layers_pulled_coat.frag",
         };
-        surfaces((gpu, world), plan, 0, name, &targets(plan, Some(HALF)))
+        surfaces((gpu, world), plan, (0, false), name, &targets(plan, Some(HALF)))
     }
 
     /// Records the stage for a view.

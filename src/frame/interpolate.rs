@@ -102,6 +102,7 @@ impl Interpolate {
                 blend: Blend::Replace,
                 depth: Depth::None,
                 cull: Cull::None,
+                multisampled: false,
                 constants: &[printed, references, near::as_texels(gpu)][..if plan.near == Near::Off { 2 } else { 3 }],
             })?,
         })

@@ -70,6 +70,7 @@ impl Layers {
                 blend,
                 depth: Depth::None,
                 cull: Cull::None,
+                multisampled: false,
                 constants: &[dims],
             })
         };

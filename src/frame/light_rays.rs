@@ -39,15 +39,15 @@ impl LightRays {
     pub(super) fn new(gpu: &Device, world: &World, plan: &Plan) -> Result<Self> {
         let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
         let [stack, levels, texels, holes] = rays.constants(gpu);
-        let samples = plan.antialiasing.samples();
-        let constants = [stack, levels, texels, holes, samples, gpu.subpixels().unwrap_or(0)];
+        let points = plan.antialiasing.points();
+        let constants = [stack, levels, texels, holes, points, gpu.subpixels().unwrap_or(0)];
         Ok(Self {
             tiles: gpu.compute("light_tiles.comp", &[])?,
             first: gpu.compute("light_first.comp", &constants)?,
             agree: [gpu.compute("light_agree.comp", &[0])?, gpu.compute("light_agree.comp", &[1])?],
             more: gpu.compute("light_rays.comp", &constants)?,
-            edges: samples > 0,
-            waited: samples > 0 && plan.layers == 0,
+            edges: points > 0,
+            waited: points > 0 && plan.layers == 0,
         })
     }
 

@@ -45,6 +45,7 @@ pub mod refit;
 mod refract;
 mod revision;
 pub mod rsm;
+mod samples;
 pub mod settings;
 pub mod sky_light;
 pub mod sky_seen;

@@ -2,7 +2,7 @@
 
 use super::background::Background;
 use super::composite::{Composed, Composite, Output};
-use super::edges::Edges;
+use super::edges::{Edges, Second};
 use super::gbuffer::{GBuffer, Surface};
 use super::interpolate::Radiance;
 use super::layers::{Layer, Layers};
@@ -28,7 +28,7 @@ pub struct Picture {
     pub near: Option<NearPixels>,
     /// Stage 8; only with indirect light.
     pub indirect: Option<Radiance>,
-    /// Second surfaces of pixels; only with antialiasing.
+    /// What the points of pixels show; only with antialiasing.
     pub edges: Option<Edges>,
     /// Transparent layers, if the scene has any.
     pub layers: Option<Layers>,
@@ -123,7 +123,12 @@ impl Picture {
 
     /// First and second surfaces of the pixels.
     pub(super) fn surfaces(&self) -> impl Iterator<Item = &Surface> + Clone {
-        [&self.surface].into_iter().chain(self.edges.as_ref().map(|edges| &edges.surface))
+        [&self.surface].into_iter().chain(self.second().map(|second| &second.surface))
+    }
+
+    /// Second surfaces of the pixels.
+    pub fn second(&self) -> Option<&Second> {
+        self.edges.as_ref().and_then(|edges| edges.second.as_ref())
     }
 
     /// Transparent layers, nearest first.
@@ -146,7 +151,7 @@ impl Picture {
     /// Surfaces with the lists of their visible vertices or cells.
     pub(super) fn lists(&self) -> impl Iterator<Item = (&Surface, &VisibleList)> + Clone {
         let first = self.visible.as_ref().map(|list| (&self.surface, list));
-        let second = self.edges.as_ref().and_then(|edges| Some((&edges.surface, edges.visible.as_ref()?)));
+        let second = self.second().and_then(|second| Some((&second.surface, second.visible.as_ref()?)));
         let layers = self.seen_through().filter_map(|layer| Some((&layer.surface, layer.visible.as_ref()?)));
         first.into_iter().chain(second).chain(layers)
     }
@@ -155,7 +160,7 @@ impl Picture {
     pub(super) fn shaded(&self) -> impl Iterator<Item = (&Surface, &Radiance, Option<&NearPixels>)> + Clone {
         let near = self.near.as_ref();
         let first = self.indirect.as_ref().map(|out| (&self.surface, out, near));
-        let second = self.edges.as_ref().and_then(|edges| Some((&edges.surface, edges.indirect.as_ref()?, near)));
+        let second = self.second().and_then(|second| Some((&second.surface, second.indirect.as_ref()?, near)));
         let own = self.seen_through();
         let own = own.filter_map(|layer| Some((&layer.surface, layer.indirect.as_ref()?, layer.near.as_ref())));
         first.into_iter().chain(second).chain(own)

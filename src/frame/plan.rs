@@ -255,7 +255,7 @@ impl Plan {
         };
         match stage.name {
             "gbuffer" | "composite" => "always",
-            "edges" if planned => "antialiasing: the second surface of a pixel",
+            "edges" if planned => "antialiasing: which surface each point of a pixel shows",
             "mix edges" if planned => "antialiasing: averages each pixel over its points",
             "edges" | "mix edges" => "not asked for by --aa",
             "layers" if planned => "glass and blended materials, nearest first",

@@ -51,6 +51,7 @@ impl Refract {
             blend: Blend::Replace,
             depth: Depth::None,
             cull: Cull::None,
+            multisampled: false,
             constants: &constants[..if lit { 6 } else { 4 }],
         })?;
         Ok(Some(Self { draw }))

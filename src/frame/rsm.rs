@@ -97,6 +97,7 @@ impl Rsm {
                     blend: Blend::Replace,
                     depth: Depth::Nearest,
                     cull: Cull::None,
+                    multisampled: false,
                     constants: &[kind, lobes],
                 })
             })?,

@@ -40,13 +40,16 @@ impl LightShadows {
     }
 }
 
-/// Number of points in a pixel, besides its centre, that are tested for a second surface. METHOD 13.
+/// How edges are smoothed. METHOD 13.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Antialiasing {
     /// None: a pixel shows the surface at its centre.
     #[default]
     Off,
-    /// Four points.
+    /// Four points of a pixel, besides its centre, are drawn at once and not shaded. Those on another surface take the
+    /// light of pixels around.
+    Fast,
+    /// Four points are drawn and shaded, too.
     Four,
     /// Eight points.
     Eight,
@@ -309,7 +312,8 @@ impl Quality {
     pub fn antialiasing(self) -> Antialiasing {
         match self {
             Self::Low => Antialiasing::Off,
-            Self::Medium | Self::High => Antialiasing::Four,
+            Self::Medium => Antialiasing::Fast,
+            Self::High => Antialiasing::Four,
             Self::Reference => Antialiasing::Eight,
         }
     }
@@ -397,22 +401,32 @@ impl Settings {
 }
 
 impl Antialiasing {
-    /// Number of points besides the centre.
-    pub fn samples(self) -> u32 {
+    /// Number of points, besides the centre, that are drawn and shaded.
+    pub fn shaded_points(self) -> u32 {
         match self {
-            Self::Off => 0,
+            Self::Off | Self::Fast => 0,
             Self::Four => 4,
             Self::Eight => 8,
         }
     }
 
-    /// Offsets of the points from the centre \[pixels\]. With the centre they form a lattice: no two share a row or
-    /// column.
+    /// Number of points, besides the centre, over which the light of a pixel is averaged.
+    pub fn points(self) -> u32 {
+        if self == Self::Fast { crate::gpu::SAMPLES } else { self.shaded_points() }
+    }
+
+    /// Offsets of the points from the centre \[pixels\]. Those of four and eight points form a lattice with the centre:
+    /// no two share a row or column. Those of the fast kind are Vulkan's standard samples.
     pub fn offsets(self) -> impl Iterator<Item = Vec2> {
-        let all = self.samples() + 1;
+        let all = self.points() + 1;
         // Within half a pixel of the centre.
         let centred = move |i: u32| ((i % all) as f32 / all as f32 + 0.5).fract() - 0.5;
-        (1..all).map(move |i| Vec2::new(centred(i), centred(2 * i)))
+        let standard = [Vec2::new(-1.0, -3.0), Vec2::new(3.0, -1.0), Vec2::new(-3.0, 1.0), Vec2::new(1.0, 3.0)];
+        let point = move |i: u32| match self {
+            Self::Fast => standard[i as usize - 1] / 8.0,
+            _ => Vec2::new(centred(i), centred(2 * i)),
+        };
+        (1..all).map(point)
     }
 }
 

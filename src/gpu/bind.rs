@@ -134,12 +134,14 @@ impl Cmd<'_> {
             (Some(state), Some(scope)) => {
                 let depth = state.depth != Depth::None;
                 assert!(
-                    state.colors == scope.colors && depth == scope.depth,
-                    "{name}: made for {:?}{}, not for these attachments: {:?}{}",
+                    state.colors == scope.colors && depth == scope.depth && state.multisampled == scope.multisampled,
+                    "{name}: made for {:?}{}{}, not for these attachments: {:?}{}{}",
                     state.colors,
                     if depth { " and depth" } else { "" },
+                    if state.multisampled { ", multisampled" } else { "" },
                     scope.colors,
                     if scope.depth { " and depth" } else { "" },
+                    if scope.multisampled { ", multisampled" } else { "" },
                 );
                 let writes = state.depth.is_written();
                 assert!(!(writes && scope.read_only), "{name}: writes the depth, which this scope only reads");
@@ -174,11 +176,11 @@ impl Cmd<'_> {
                 true
             }
             (vk::DescriptorType::COMBINED_IMAGE_SAMPLER, Bind::Image(i) | Bind::Texture(i, _)) => {
-                slot.image.0 == Some(i.made.view_type())
+                slot.image.0 == Some(i.made.seen())
             }
             (vk::DescriptorType::STORAGE_IMAGE, Bind::Image(i)) => {
                 assert!(i.made.usage.contains(vk::ImageUsageFlags::STORAGE), "{name}: {of} was not made as storage");
-                slot.image == (Some(i.made.view_type()), Some(i.made.format))
+                slot.image == (Some(i.made.seen()), Some(i.made.format))
             }
             _ => false,
         };

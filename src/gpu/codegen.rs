@@ -150,6 +150,7 @@ impl Codegen {
             blend: Blend::Replace,
             depth: Depth::Nearest,
             cull: Cull::Back,
+            multisampled: false,
             constants: &[],
         };
         let told = self.compile(fragment.unwrap_or(vertex), &shaders, &[], |stages, layout| {

@@ -80,7 +80,7 @@ impl Cmd<'_> {
         self.outside("a copy");
         assert!(bytes <= to.held, "{}: {bytes} bytes into {}, which has {}", from.name, to.name, to.held);
         let readable = from.made.usage.contains(vk::ImageUsageFlags::TRANSFER_SRC);
-        assert!(readable, "{}: textures are not read back", from.name);
+        assert!(readable, "{}: textures and multisampled images are not read back", from.name);
         self.touch_image(from, Use::CopyRead);
         self.touch_buffer(to, Use::CopyWrite);
         // SAFETY: the region lies within the image, which is in GENERAL, and the buffer has room for its texels.
@@ -129,7 +129,7 @@ impl Cmd<'_> {
         }];
         let general = vk::ImageLayout::GENERAL;
         let device = &self.gpu.shared.device;
-        // SAFETY: both are alive, in GENERAL and large enough, of one aspect, with texels of the same size; all images
+        // SAFETY: both are alive, in GENERAL and large enough, of one aspect, with texels of the same size; all planes
         // are made with transfer usage as target.
         unsafe { device.cmd_copy_image(self.buffer, from.handle, general, to.handle, general, &regions) };
     }

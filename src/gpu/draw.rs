@@ -53,6 +53,8 @@ pub struct Attachments<'a> {
 pub(super) struct Scope {
     pub(super) colors: Vec<vk::Format>,
     pub(super) depth: bool,
+    /// Whether all attachments are multisampled.
+    pub(super) multisampled: bool,
     /// Depth is only tested, not written.
     pub(super) read_only: bool,
     area: [u32; 4],
@@ -88,11 +90,15 @@ impl<'g> Cmd<'g> {
         if let Some(depth) = &attachments.depth {
             assert!(is_depth(depth.image.made.format), "{}: no depth image", depth.image.name);
         }
+        let mut samples = attachments.colors.iter().chain(&attachments.depth).map(|a| a.image.made.samples() > 1);
+        let multisampled = samples.next().unwrap_or(false);
+        assert!(samples.all(|each| each == multisampled), "a rendering scope of single and many samples");
         let most = self.gpu.most_color_targets() as usize;
         assert!(colors.len() <= most, "{} colour attachments, but the device allows {most}", colors.len());
         let scope = Scope {
             colors,
             depth: attachments.depth.is_some(),
+            multisampled,
             read_only: attachments.depth.is_some_and(|depth| depth.load == Load::ReadOnly),
             area: attachments.area,
             pipeline: None,

@@ -42,7 +42,12 @@ pub enum Extent {
     Layers(u32),
     /// A volume of this depth \[texels\]; `sampler3D` and `image3D` in shaders. It cannot be rendered into.
     Volume(u32),
+    /// A plane with `SAMPLES` samples per texel; `sampler2DMS` in shaders. It can only be rendered into.
+    Samples,
 }
+
+/// Samples per texel of a multisampled image. All devices have this number for depth and formats of floats.
+pub const SAMPLES: u32 = 4;
 
 /// Description of an image.
 #[derive(Clone, Copy, Debug)]
@@ -80,6 +85,11 @@ impl Made {
         if let Extent::Volume(depth) = self.extent { depth } else { 1 }
     }
 
+    /// Number of samples per texel.
+    pub(super) fn samples(self) -> u32 {
+        if self.extent == Extent::Samples { SAMPLES } else { 1 }
+    }
+
     /// Width, height and depth of a mip level.
     pub(super) fn level(self, mip: u32) -> vk::Extent3D {
         let [width, height, depth] = [self.size[0], self.size[1], self.depth()].map(|n| (n >> mip).max(1));
@@ -89,16 +99,22 @@ impl Made {
     /// Size of a mip level with all layers \[bytes\].
     pub(super) fn level_bytes(self, mip: u32) -> u64 {
         let vk::Extent3D { width, height, depth } = self.level(mip);
-        [width, height, depth, self.layers()].into_iter().map(u64::from).product::<u64>() * texel_bytes(self.format)
+        [width, height, depth, self.layers(), self.samples()].into_iter().map(u64::from).product::<u64>()
+            * texel_bytes(self.format)
     }
 
     /// View type in shaders.
     pub(super) fn view_type(self) -> vk::ImageViewType {
         match self.extent {
-            Extent::Plane => vk::ImageViewType::TYPE_2D,
+            Extent::Plane | Extent::Samples => vk::ImageViewType::TYPE_2D,
             Extent::Layers(_) => vk::ImageViewType::TYPE_2D_ARRAY,
             Extent::Volume(_) => vk::ImageViewType::TYPE_3D,
         }
+    }
+
+    /// Kind of image that a shader must declare: view type, and whether texels have many samples.
+    pub(super) fn seen(self) -> (vk::ImageViewType, bool) {
+        (self.view_type(), self.samples() > 1)
     }
 
     /// The whole image.
@@ -128,14 +144,18 @@ impl Device {
     /// Fails if the size exceeds the device's limits, the format does not support this use, or the device runs out of
     /// memory.
     pub fn image(&self, desc: &ImageDesc<'_>) -> Result<Image> {
-        let mut usage =
-            vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
+        let mut usage = vk::ImageUsageFlags::SAMPLED;
+        if desc.extent != Extent::Samples {
+            usage |= vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
+        }
         usage |= match desc.extent {
             Extent::Volume(_) => vk::ImageUsageFlags::empty(),
             _ if is_depth(desc.format) => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
             _ => vk::ImageUsageFlags::COLOR_ATTACHMENT,
         };
         if desc.storage {
+            let single = desc.extent != Extent::Samples;
+            assert!(single, "{}: multisampled images are not storage images", desc.name);
             usage |= vk::ImageUsageFlags::STORAGE;
         }
         let ImageDesc { name, format, size, extent, .. } = *desc;
@@ -196,10 +216,13 @@ impl Device {
                 vk::ImageCreateFlags::empty(),
             )
         };
-        supported.map(|_| ()).map_err(|result| Error::Vulkan {
-            what: format!("image {name} of {:?} for {:?}", made.format, made.usage),
-            result: result.to_string(),
-        })
+        let what = || format!("image {name} of {:?} for {:?}", made.format, made.usage);
+        let supported = supported.map_err(|result| Error::Vulkan { what: what(), result: result.to_string() })?;
+        if !supported.sample_counts.contains(count(made.samples())) {
+            let result = format!("the device lacks {} samples", made.samples());
+            return Err(Error::Vulkan { what: what(), result });
+        }
+        Ok(())
     }
 
     /// What the device can do with a format.
@@ -221,7 +244,7 @@ impl Device {
             .extent(made.level(0))
             .mip_levels(made.mips)
             .array_layers(made.layers())
-            .samples(vk::SampleCountFlags::TYPE_1)
+            .samples(count(made.samples()))
             .usage(made.usage);
         // SAFETY: the device is alive; the handle is destroyed in `Drop`.
         let handle = unsafe { device.create_image(&info, None) }.map_err(vulkan(what()))?;
@@ -295,6 +318,11 @@ pub(crate) fn texel_bytes(format: vk::Format) -> u64 {
         vk::Format::R32_UINT => 4,
         other => panic!("images of format {other:?} are not supported"),
     }
+}
+
+/// A number of samples per texel, as Vulkan's flag.
+pub(super) fn count(samples: u32) -> vk::SampleCountFlags {
+    vk::SampleCountFlags::from_raw(samples)
 }
 
 pub(crate) fn is_depth(format: vk::Format) -> bool {

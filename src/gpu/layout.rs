@@ -16,8 +16,8 @@ pub(crate) struct DescriptorSlot {
     pub(crate) binding: u32,
     pub(crate) kind: vk::DescriptorType,
     pub(crate) uses: Vec<Use>,
-    /// Required view type of an image, and required format of a storage image.
-    pub(super) image: (Option<vk::ImageViewType>, Option<vk::Format>),
+    /// Required view type of an image, whether it has many samples per texel, and required format of a storage image.
+    pub(super) image: (Option<(vk::ImageViewType, bool)>, Option<vk::Format>),
     stages: vk::ShaderStageFlags,
 }
 

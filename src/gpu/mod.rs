@@ -47,7 +47,7 @@ pub use draw::{Attach, Attachments, Draw, Load};
 pub use faults::Call;
 pub use frames::Frame;
 pub use hazards::Use;
-pub use image::{Extent, Image, ImageDesc};
+pub use image::{Extent, Image, ImageDesc, SAMPLES};
 pub use instance::{DeviceReport, Needs, Validation, devices};
 #[cfg(feature = "app")]
 pub use memory::{give_memory_back, trim_memory};

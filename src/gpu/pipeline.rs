@@ -36,6 +36,7 @@ pub(super) struct Made {
 pub(super) struct RasterState {
     pub(super) colors: Vec<vk::Format>,
     pub(super) depth: Depth,
+    pub(super) multisampled: bool,
     /// Bytes from one vertex to the next, for each buffer.
     pub(super) strides: Vec<u32>,
 }

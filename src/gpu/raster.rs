@@ -1,6 +1,6 @@
 //! Graphics pipelines: the state that the caller sets besides the shaders.
 
-use super::image::{is_depth, texel_bytes};
+use super::image::{SAMPLES, count, is_depth, texel_bytes};
 use super::pipeline::{Pipeline, RasterState, specialization, spirv, stages_of};
 use super::{Device, reflect};
 use crate::error::{Error, Result};
@@ -90,6 +90,8 @@ pub struct Raster<'a> {
     pub depth: Depth,
     /// Drawn sides.
     pub cull: Cull,
+    /// Whether the attachments have `SAMPLES` samples per texel.
+    pub multisampled: bool,
     /// Specialisation constants 0, 1, ... of both shaders.
     pub constants: &'a [u32],
 }
@@ -170,6 +172,7 @@ impl Device {
         let state = RasterState {
             colors: raster.colors.to_vec(),
             depth: raster.depth,
+            multisampled: raster.multisampled,
             strides: raster.streams.iter().map(|stream| stream.stride).collect(),
         };
         self.pipeline(name, declared, Some(state), made)
@@ -213,7 +216,8 @@ pub(super) fn with_state<T>(
         .depth_bias_enable(raster.depth == Depth::Farther)
         .depth_bias_constant_factor(-16.0)
         .depth_bias_slope_factor(-1.0);
-    let samples = vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(vk::SampleCountFlags::TYPE_1);
+    let samples = vk::PipelineMultisampleStateCreateInfo::default()
+        .rasterization_samples(count(if raster.multisampled { SAMPLES } else { 1 }));
     let depth = vk::PipelineDepthStencilStateCreateInfo::default()
         .depth_test_enable(raster.depth != Depth::None)
         .depth_write_enable(raster.depth.is_written())

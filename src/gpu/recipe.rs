@@ -25,6 +25,7 @@ pub(super) enum Recipe {
         blend: Blend,
         depth: Depth,
         cull: Cull,
+        multisampled: bool,
         constants: Vec<u32>,
     },
 }
@@ -40,6 +41,7 @@ impl From<&Raster<'_>> for Recipe {
             blend: raster.blend,
             depth: raster.depth,
             cull: raster.cull,
+            multisampled: raster.multisampled,
             constants: raster.constants.to_vec(),
         }
     }
@@ -63,7 +65,18 @@ impl Device {
             Recipe::Compute { name, constants, threads } => {
                 self.make_compute(name, &spirv(name, ".comp"), constants, *threads)
             }
-            Recipe::Raster { vertex, fragment, shape, streams, colors, blend, depth, cull, constants } => {
+            Recipe::Raster {
+                vertex,
+                fragment,
+                shape,
+                streams,
+                colors,
+                blend,
+                depth,
+                cull,
+                multisampled,
+                constants,
+            } => {
                 let streams: Vec<Stream<'_>> =
                     streams.iter().map(|(stride, attributes)| Stream { stride: *stride, attributes }).collect();
                 self.make_raster(&Raster {
@@ -75,6 +88,7 @@ impl Device {
                     blend: *blend,
                     depth: *depth,
                     cull: *cull,
+                    multisampled: *multisampled,
                     constants,
                 })
             }

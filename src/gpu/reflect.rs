@@ -10,8 +10,8 @@ use std::collections::HashMap;
 pub(crate) struct Binding {
     pub(crate) binding: u32,
     pub(crate) kind: vk::DescriptorType,
-    /// Required view type of an image.
-    pub(crate) view: Option<vk::ImageViewType>,
+    /// Required view type of an image, and whether it has many samples per texel.
+    pub(crate) view: Option<(vk::ImageViewType, bool)>,
     /// Format of a storage image.
     pub(crate) format: Option<vk::Format>,
     pub(crate) reads: bool,
@@ -47,18 +47,20 @@ enum Type {
 struct Image {
     dim: u32,
     arrayed: bool,
+    many: bool,
     sampled: bool,
     format: u32,
 }
 
 impl Image {
-    fn view(self) -> Option<vk::ImageViewType> {
-        match (self.dim, self.arrayed) {
-            (dim::TWO, false) => Some(vk::ImageViewType::TYPE_2D),
-            (dim::TWO, true) => Some(vk::ImageViewType::TYPE_2D_ARRAY),
-            (dim::THREE, _) => Some(vk::ImageViewType::TYPE_3D),
-            _ => None,
-        }
+    fn view(self) -> Option<(vk::ImageViewType, bool)> {
+        let view = match (self.dim, self.arrayed) {
+            (dim::TWO, false) => vk::ImageViewType::TYPE_2D,
+            (dim::TWO, true) => vk::ImageViewType::TYPE_2D_ARRAY,
+            (dim::THREE, _) => vk::ImageViewType::TYPE_3D,
+            _ => return None,
+        };
+        Some((view, self.many))
     }
 
     /// Format as a storage image.
@@ -113,6 +115,7 @@ pub(crate) fn interface(spirv: &[u32], specialised: &[u32]) -> Interface {
             op::TYPE_IMAGE => Some(Type::Image(Image {
                 dim: w[2],
                 arrayed: w[4] == 1,
+                many: w[5] == 1,
                 sampled: w[6] == sampled::WITH_SAMPLER,
                 format: w[7],
             })),
