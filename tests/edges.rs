@@ -121,8 +121,8 @@ fn supersampled(gpu: &Gpu, scene: &Scene, world: &World, knobs: &Knobs) -> (Vec<
     pixels.unzip()
 }
 
-/// Errors with the fast kind, four and eight points, relative to errors with the pixels' centres alone: FLIP on edges, FLIP over
-/// all pixels, RMSE on edges.
+/// Errors with the fast kind, four and eight points, relative to errors with the pixels' centres alone: FLIP on edges,
+/// FLIP over all pixels, RMSE on edges.
 fn errors(gpu: &Gpu, scene: &Scene, caches: &CacheSet, base: Knobs) -> [[f64; 3]; 3] {
     let world = World::new(gpu, scene, Some(caches)).expect("made");
     let (truth, edges) = supersampled(gpu, scene, &world, &base);
@@ -159,8 +159,9 @@ fn edges_come_near_to_those_of_many_samples() {
     let caches = baked(&scene, 1.5, 8);
     let size = [320, 180];
     let base = Knobs { size, light_shadows: LightShadows::Maps(2048), ..Knobs::plain(size) };
-    for ([on_edges, all, rmse], limit) in errors(&gpu, &scene, &caches, base).into_iter().zip([0.58, 0.41, 0.41]) {
-        assert!(on_edges < limit && all < limit && rmse < limit, "{on_edges} {all} {rmse}");
+    let [fast, four, eight] = errors(&gpu, &scene, &caches, base);
+    for (found, limits) in [(fast, [0.58; 3]), (four, [0.41, 0.4, 0.41]), (eight, [0.41, 0.4, 0.41])] {
+        assert!(found.iter().zip(&limits).all(|(found, limit)| found < limit), "{found:?}, limits {limits:?}");
     }
 }
 

@@ -113,7 +113,7 @@ fn shadows_bounces_levels_and_ways_go_together() {
                 }
                 for caches in [&by_vertices, &by_texels] {
                     let kinds = [Antialiasing::Off, Antialiasing::Fast, Antialiasing::Four, Antialiasing::Eight];
-                    let antialiasing = kinds[(count + count / 4) % 4];
+                    let antialiasing = kinds[(count + count / 4) % 4]; // both kinds of caches meet all
                     let values = render(&gpu, &scene, Some(caches), &Knobs { antialiasing, ..settings });
                     assert_eq!(broken_values(&values), 0, "{settings:?}");
                     assert!(values.iter().any(|v| *v > 0.0), "{settings:?}");
