@@ -20,7 +20,7 @@
 
 layout(push_constant, scalar) uniform Push { DrawPush push; };
 
-layout(constant_id = 1) const uint POINTS = 0; // further points of a pixel, over which textures are averaged
+layout(constant_id = 1) const uint POINTS = 0; // further points of a pixel, in this picture or others; textures are averaged over all
 layout(constant_id = 2) const uint DAMPED = 0; // 1: widen lobes by the curvature and bumps within a pixel
 
 layout(constant_id = 3) const uint INSIDE = 0; // stage 10 brings light from inside filled bodies: 1 from afar, 2 all
@@ -132,10 +132,13 @@ void main() {
     vec3 px = dFdx(position);
     vec3 py = dFdy(position);
     Uv here = uv_here(uv);
-    // Each point covers its share of the pixel. Normals cannot be averaged this way: the normal map is filtered over
-    // the whole pixel.
+    // Each point covers its share of the pixel. Points that are shaded as one surface have one normal: then the normal
+    // map is filtered over the whole pixel.
     float side = inversesqrt(float(1u + POINTS));
     Uv share = Uv(here.at, here.dx * side, here.dy * side);
+    if (DAMPED == 0u) {
+        here = share;
+    }
     vec4 base = base_color(material, share, color);
     if (AVERAGED != 0u && has_texture(material, TEXTURE_BASE_COLOR)) {
         vec4 sum = vec4(0.0);

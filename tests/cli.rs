@@ -136,25 +136,76 @@ fn a_scene_becomes_a_png_with_times_and_counts() {
     assert_eq!(left(&at), ["a.png", "t.jsonl"]);
 }
 
+/// The channels of an EXR file, by name.
+fn planes(file: &Path) -> impl Fn(&str) -> Vec<f32> + use<> {
+    use exr::prelude::{ReadChannels, ReadLayers};
+    let read = exr::prelude::read().no_deep_data().largest_resolution_level();
+    let image = read.all_channels().first_valid_layer().all_attributes().from_file(file).expect("an EXR");
+    move |name| {
+        let channel = image.layer_data.channel_data.list.iter().find(|c| c.name.to_string() == name);
+        channel.unwrap_or_else(|| panic!("no channel {name}")).sample_data.values_as_f32().collect()
+    }
+}
+
+/// The mean of 64 pictures against the squares of a picture with 8 times as many columns and rows.
+#[test]
+fn the_highest_quality_is_supersampled() {
+    let at = folder("cli-supersampled");
+    let render = |out: &str, size: &str, more: &[&str]| {
+        let mut args =
+            vec!["render", ATRIUM, "-o", out, "--caches", "100", "--rsm", "16", "--shadow-map", "512", "--near", "off"];
+        args.extend(["--refs", "8", "--bounces", "1", "--shadows", "off", "--size", size]);
+        args.extend(more);
+        works(&at, &args)
+    };
+    let out = render("mean.exr", "24x16", &["--quality", "reference", "--check", "--timings", "t.jsonl"]);
+    assert!(out.contains("64 frames"), "{out}");
+    assert!(fs::read_to_string(at.join("t.jsonl")).expect("times").contains("\"aa\":\"64\""));
+    render("large.exr", "192x128", &["--quality", "reference", "--aa", "off"]);
+    let (mean, large) = (planes(&at.join("mean.exr")), planes(&at.join("large.exr")));
+    for (name, limit) in [("direct.G", 0.01), ("indirect.diffuse.G", 0.01), ("indirect.glossy.G", 0.01)] {
+        let (mean, large) = (mean(name), large(name));
+        let of_square = |i: usize| {
+            let corner = 8 * (i / 24) * 192 + 8 * (i % 24);
+            (0..64).map(|s| large[corner + s / 8 * 192 + s % 8]).sum::<f32>() / 64.0
+        };
+        let off: f32 = mean.iter().enumerate().map(|(i, value)| (value - of_square(i)).abs()).sum();
+        let share = off / large.iter().sum::<f32>() * 64.0;
+        println!("{name}: mean absolute difference {:.3} %", 100.0 * share);
+        assert!(share < limit, "{name}: {share}");
+    }
+    // Distances are no means: they lie between the nearest and the farthest of the square.
+    let (z, fine) = (mean("Z"), large("Z"));
+    let (x, y) = (12, 8);
+    let square = || (0..64).map(|s| fine[(8 * y + s / 8) * 192 + 8 * x + s % 8]);
+    let central = fine[(8 * y + 4) * 192 + 8 * x + 4];
+    assert!((z[24 * y + x] - central).abs() < 1e-3 * central, "{} {central}", z[24 * y + x]);
+    assert!(square().any(|z| z != central), "the test needs a slanted surface");
+    // From outside, surfaces cover parts of pixels.
+    let outside = ["--gi", "off", "--ev", "12", "--background", "transparent", "--camera", "30,20,50;0,3,0;0,1,0;40"];
+    let alphas = |out: &str, size: &str, aa: &str| -> Vec<u8> {
+        works(&at, &[&["render", ATRIUM, "-o", out, "--size", size, "--aa", aa], &outside[..]].concat());
+        image::open(at.join(out)).expect("a PNG").to_rgba8().pixels().map(|p| p.0[3]).collect()
+    };
+    let (mean, large) = (alphas("mean.png", "24x16", "64"), alphas("large.png", "192x128", "off"));
+    let mut partly = 0;
+    for (i, alpha) in mean.iter().enumerate() {
+        let corner = 8 * (i / 24) * 192 + 8 * (i % 24);
+        let covered = (0..64).filter(|s| large[corner + s / 8 * 192 + s % 8] > 0).count();
+        let off = f64::from(*alpha) - 255.0 * covered as f64 / 64.0;
+        assert!(off.abs() < 255.0 * 1.5 / 64.0, "pixel {i}: alpha {alpha}, {covered} of 64");
+        partly += usize::from(covered % 64 > 0);
+    }
+    assert!(partly > 10, "{partly}");
+}
+
 #[test]
 fn exr_holds_all_layers_and_their_sum() {
-    use exr::prelude::{ReadChannels, ReadLayers};
     let at = folder("cli-exr");
     let mut args = vec!["render", ATRIUM, "-o", "a.exr"];
     args.extend(SMALL);
     works(&at, &args);
-    let image = exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .from_file(at.join("a.exr"))
-        .expect("an EXR");
-    let plane = |name: &str| -> Vec<f32> {
-        let channel = image.layer_data.channel_data.list.iter().find(|c| c.name.to_string() == name);
-        channel.unwrap_or_else(|| panic!("no channel {name}")).sample_data.values_as_f32().collect()
-    };
+    let plane = planes(&at.join("a.exr"));
     let (r, direct) = (plane("R"), plane("direct.R"));
     let (diffuse, glossy) = (plane("indirect.diffuse.R"), plane("indirect.glossy.R"));
     for i in 0..r.len() {
@@ -298,6 +349,7 @@ fn wrong_usage_is_exit_code_2() {
     fails(&at, &["lab"], 2, &["choices", "flicker", "hard-cases", "sources"]);
     fails(&at, &["lab", "flicker", "--cluster", "4", "--cluster-error", "0.1"], 2, &["cannot be used with"]);
     fails(&at, &["lab", "sheet", ".", "--", "--seed", "3"], 2, &["--seed", "leave it out"]);
+    fails(&at, &["view", "--aa", "64"], 2, &["--aa 64", "--aa 8"]);
     fails(&at, &["frobnicate"], 2, &["frobnicate"]);
     assert_eq!(left(&at), [] as [&str; 0]);
 }

@@ -15,6 +15,9 @@ use serde_json::{Value, json};
 pub(super) const QUALITY: &str = "Quality";
 pub(super) const METHOD: &str = "Variants of the method";
 
+/// Short rays per traced pixel in each of many pictures whose mean is taken. With 8 the mean is no closer to the truth.
+const RAYS_OF_A_SAMPLE: u32 = 4;
+
 /// The settings of a frame, where they differ from those of the quality level.
 #[derive(clap::Args, Clone, Default)]
 pub(super) struct DrawingArgs {
@@ -38,8 +41,9 @@ pub(super) struct DrawingArgs {
     shadow_map: Option<LightShadows>,
     /// Antialiasing: extra sample points per pixel, or fast [default: 4 at --quality high].
     ///
-    /// With --gi path-trace, any value but off spreads the samples over the pixel.
-    #[arg(long, help_heading = QUALITY, value_name = "off|fast|4|8", value_enum)]
+    /// 64 averages 64 pictures. `render` does so at --quality reference. With --gi path-trace, any value but off spreads
+    /// the samples over the pixel.
+    #[arg(long, help_heading = QUALITY, value_name = "off|fast|4|8|64", value_enum)]
     aa: Option<AntialiasingArg>,
     /// Maximum number of glass and blended layers per pixel; the nearest are drawn [default: 4 at --quality high].
     #[arg(long, help_heading = QUALITY, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=64))]
@@ -63,7 +67,7 @@ pub(super) struct DrawingArgs {
     #[arg(long, help_heading = QUALITY, value_enum)]
     near: Option<NearArg>,
     /// Short rays per traced pixel, and a quarter as many more towards bright regions; 16 neighbouring pixels share their
-    /// rays [default: 8 at --quality high].
+    /// rays [default: 8 at --quality high; at most 4 with --aa 64].
     #[arg(long, help_heading = QUALITY, hide_short_help = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32))]
     near_rays: Option<u32>,
     /// Trace short rays at every N-th pixel of every N-th row [default: 2 at --quality high, 1 below 640x360 pixels].
@@ -83,6 +87,15 @@ impl DrawingArgs {
             }
             _ => {}
         }
+    }
+
+    /// The same flags for pictures that may take long: at the highest level they are supersampled. Brute force would take
+    /// hours.
+    pub(super) fn for_stills(mut self, level: Quality) -> Self {
+        if self.aa.is_none() && level == Quality::Reference && self.gi != GiArg::BruteForce {
+            self.aa = Some(AntialiasingArg::Supersampled);
+        }
+        self
     }
 
     /// Number of indirect bounces: as requested, else that of the quality level, or 1 if the method supports only one.
@@ -141,7 +154,10 @@ impl DrawingArgs {
         match near {
             Near::Off => Near::Off,
             Near::Rays { per_pixel, every } => {
-                Near::Rays { per_pixel: self.near_rays.unwrap_or(per_pixel), every: self.near_every.unwrap_or(every) }
+                // Each of the many pictures has other directions.
+                let is_mean = self.antialiasing(level) == Antialiasing::Supersampled;
+                let usual = if is_mean { per_pixel.min(RAYS_OF_A_SAMPLE) } else { per_pixel };
+                Near::Rays { per_pixel: self.near_rays.unwrap_or(usual), every: self.near_every.unwrap_or(every) }
             }
         }
     }

@@ -237,6 +237,7 @@ fn say_levels(gpu: &Gpu, world: &World, now: Quality) {
             ShadowsArg::of(quality.shadows(quality.caches(), quality.near()))
         );
     }
+    say!("  lightskin render at --quality reference averages 64 pictures with 4 short rays per pixel each: --aa 64");
     if !too_many.is_empty() {
         let device = &gpu.report().name;
         say!("  more VALs than {device} allows ({most}) at {}: lower --rsm or --quality", too_many.join(", "));

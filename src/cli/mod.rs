@@ -30,6 +30,7 @@ mod render;
 pub(crate) mod session;
 mod signals;
 pub(crate) mod sky;
+mod supersample;
 mod timings;
 #[cfg(feature = "app")]
 pub(crate) mod view;

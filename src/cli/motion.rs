@@ -31,7 +31,7 @@ pub(super) struct MotionArgs {
     play: bool,
     /// Run every stage in every frame, even if its inputs have not changed. The picture stays the same.
     #[arg(long, hide_short_help = true, help_heading = super::render::MEASURE)]
-    no_skip: bool,
+    pub(super) no_skip: bool,
 }
 
 /// The frames to render.

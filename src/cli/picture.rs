@@ -105,6 +105,31 @@ impl Layers {
         tonemap::automatic_ev(self.size, &radiance, &seen)
     }
 
+    /// The layers of light.
+    pub(super) fn light_mut(&mut self) -> [&mut Vec<[f32; 4]>; 4] {
+        [&mut self.direct, &mut self.diffuse, &mut self.glossy, &mut self.behind]
+    }
+
+    /// The part of this size whose first pixel is `at`.
+    pub(super) fn cropped(self, at: [u32; 2], size: [u32; 2]) -> Self {
+        fn part<T: Copy>(texels: &[T], width: u32, [x, y]: [u32; 2], [w, h]: [u32; 2]) -> Vec<T> {
+            let row = |row: u32| ((y + row) * width + x) as usize;
+            (0..h).flat_map(|i| &texels[row(i)..row(i) + w as usize]).copied().collect()
+        }
+        let of = |layer: Vec<[f32; 4]>| part(&layer, self.size[0], at, size);
+        Self {
+            size,
+            direct: of(self.direct),
+            diffuse: of(self.diffuse),
+            glossy: of(self.glossy),
+            albedo: of(self.albedo),
+            normal: of(self.normal),
+            depth: of(self.depth),
+            covered: part(&self.covered, self.size[0], at, size),
+            behind: of(self.behind),
+        }
+    }
+
     /// Number of radiance values that are negative or not finite.
     pub(super) fn broken(&self) -> usize {
         [&self.direct, &self.diffuse, &self.glossy].into_iter().map(|layer| broken(layer)).sum()
@@ -258,7 +283,11 @@ impl Writing {
             write_png(out, w, h, &read.shown)?;
             return Ok([&read.direct, &read.diffuse, &read.glossy].into_iter().map(|layer| broken(layer)).sum());
         }
-        let layers = read.layers();
+        self.write_layers(&read.layers(), ev, about, out)
+    }
+
+    /// Writes layers, exposed by this exposure value. Returns as `write`.
+    pub(super) fn write_layers(&self, layers: &Layers, ev: f32, about: &str, out: &Path) -> Result<usize> {
         layers.write(out, self.layer, self.tonemap, ev, self.behind, &format!("{about}; EV {ev}"))?;
         Ok(layers.broken())
     }
@@ -368,8 +397,8 @@ impl Read {
         })?)
     }
 
-    /// Converts to the layers of files.
-    fn layers(self) -> Layers {
+    /// Converts to the layers of files. All must have been read.
+    pub(super) fn layers(self) -> Layers {
         let Self { size, view, direct, diffuse, glossy, rest, .. } = self;
         let count = direct.len();
         let or_dark = |layer: Vec<[f32; 4]>| if layer.is_empty() { vec![[0.0; 4]; count] } else { layer };

@@ -4,9 +4,10 @@ use super::camera::camera;
 use super::drawing::{DrawingArgs, METHOD};
 use super::motion::{Motion, MotionArgs, numbered};
 use super::path_trace::{self, PathTraceArgs};
-use super::picture::{LayerArg, TonemapArg, Writing, exposure_value};
+use super::picture::{LayerArg, Layers, TonemapArg, Writing, exposure_value};
 use super::session::{Session, is_session};
 use super::sky::SkyArgs;
+use super::supersample::{SAMPLES, Supersampled};
 use super::timings::{Report, timings_file, trace_file};
 use super::words::{GiArg, InterpArg, ShadowsArg};
 use super::{
@@ -209,7 +210,8 @@ pub(super) fn run(args: &Render) -> Result<()> {
 
 /// Renders a scene, with the edits of a session.
 fn render(args: &Render, session: Option<&Session>) -> Result<()> {
-    let (drawing, level) = (&args.drawing, args.caches.quality());
+    let level = args.caches.quality();
+    let drawing = &args.drawing.clone().for_stills(level);
     drawing.check(level);
     if drawing.gi == GiArg::PathTrace && (!args.timings.is_empty() || args.trace.is_some()) {
         wrong_usage("--timings and --trace record the stages of a frame; --gi path-trace has no stages");
@@ -272,7 +274,11 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
     let gpu = args.device.open()?;
     let count = baked.as_ref().map_or(0, |b| b.count);
     let ways = if baked.is_some() && drawing.needs_ways() { tune::fastest(&gpu)?.ways } else { Ways::default() };
-    let settings = Settings { reuse: motion.reuse, ..drawing.settings(level, count, ways) };
+    let settings = drawing.settings(level, count, ways);
+    let is_mean = settings.antialiasing == Antialiasing::Supersampled;
+    // From sample to sample only the view changes.
+    let settings = Settings { reuse: motion.reuse || (is_mean && !args.motion.no_skip), ..settings };
+    let (samples, drawn_size) = if is_mean { (SAMPLES, View::size_of_samples(args.size)) } else { (1, args.size) };
     let shadows = drawing.shadows(level, count);
     if drawing.shadows.is_none() && shadows < drawing.shadows(level, 0) {
         log::info!("{count} caches: --shadows {} by default", ShadowsArg::of(shadows));
@@ -284,7 +290,7 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
     let mut world = World::new(&gpu, &scene, baked.as_ref().map(|b| &b.caches))?;
     trace.lap("upload");
     let mut light = Light::new(&gpu, &scene, &world, &settings, 1)?;
-    let mut picture = Picture::new(&gpu, &world, &light, args.size)?;
+    let mut picture = Picture::new(&gpu, &world, &light, drawn_size)?;
     let look = args.look();
     let check = args.check.then(|| Check::new(&gpu)).transpose()?;
     trace.lap("pipelines and targets");
@@ -300,6 +306,15 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
         baked.as_ref().map_or(0, |baked| baked.count)
     );
     let writing = Writing { layer: args.layer, tonemap: args.tonemap, behind: look.behind };
+    // Writes a picture, or the mean of many. Returns its exposure value and the number of broken values.
+    let write = |picture: &Picture, view: &View, mean: Option<&Layers>, about: &str, out: &Path| -> Result<_> {
+        let Some(layers) = mean else {
+            return Ok((exposure_value(&gpu, picture)?, writing.write(&gpu, picture, view, about, out)?));
+        };
+        let ev = args.ev.unwrap_or_else(|| layers.automatic_ev() as f32);
+        Ok((ev, writing.write_layers(layers, ev, about, out)?))
+    };
+    let (mut mean, mut ev) = (None, 0.0);
     let view_of = |camera: &Camera, world: &World| View::new(camera, args.size, world.origin, world.radius);
     let mut view = view_of(&seen_from, &world);
     // Drivers defer work to the first frame, such as compiling shaders. It is drawn separately and not counted.
@@ -322,29 +337,42 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
             seen_from = camera(&scene, args.camera.as_deref())?;
             world.update(&gpu, &scene)?;
             light.fit(&gpu, &scene, &world, &settings, 1)?;
-            picture.fit(&gpu, &world, &light, args.size)?;
+            picture.fit(&gpu, &world, &light, drawn_size)?;
             view = view_of(&seen_from, &world);
         }
-        // On software drivers each stage is submitted separately, because they attribute the times of chained passes
-        // wrongly.
-        let drawn = gpu.timed_frame(|cmd| {
-            record(cmd, &world, &mut light, &mut [(view, &mut picture)], &look);
-            Ok(())
-        })?;
-        problems.extend(drawn.problems);
-        if let Some(check) = &check {
-            broken.extend(check.count(&gpu, &light, &picture)?);
+        let mut sum = Supersampled::new(args.size);
+        for sample in 0..samples {
+            let shown = if is_mean { sum.view(&view, sample).0 } else { view };
+            // On software drivers each stage is submitted separately, because they attribute the times of chained passes
+            // wrongly.
+            let drawn = gpu.timed_frame(|cmd| {
+                record(cmd, &world, &mut light, &mut [(shown, &mut picture)], &look);
+                Ok(())
+            })?;
+            problems.extend(drawn.problems);
+            if let Some(check) = &check {
+                broken.extend(check.count(&gpu, &light, &picture)?);
+            }
+            runs.extend(gpu.finished_times()?);
+            skipped.extend(light.skipped());
+            if is_mean {
+                sum.add(&gpu, &picture, &view, sample)?;
+                bar.set_message(format!("sample {}", sample + 1));
+            }
+            if count * samples as usize > 1 {
+                let done = index as u64 * u64::from(samples) + u64::from(sample) + 1;
+                bar.set_position(1000 * done / (count as u64 * u64::from(samples)));
+            }
         }
-        runs.extend(gpu.finished_times()?);
-        skipped.extend(light.skipped());
+        mean = is_mean.then(|| sum.mean());
         if motion.pictures {
             let out = numbered(&args.out, number);
             let about = format!("{about}; frame {number}, {} s", motion.moment(index).1);
-            broken_in_pictures += writing.write(&gpu, &picture, &view, &about, &out)?;
+            let (exposed, found) = write(&picture, &view, mean.as_ref(), &about, &out)?;
+            (ev, broken_in_pictures) = (exposed, broken_in_pictures + found);
         }
         if count > 1 {
             bar.set_message(format!("frame {number}"));
-            bar.set_position(1000 * (index as u64 + 1) / count as u64);
         }
     }
     bar.finish_and_clear();
@@ -363,9 +391,9 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
         settings: args.facts(&settings, interp, &motion, &scene),
         runs: &runs,
     };
-    let ev = exposure_value(&gpu, &picture)?;
     if !motion.pictures {
-        broken_in_pictures += writing.write(&gpu, &picture, &view, &about, &first_picture)?;
+        let (exposed, found) = write(&picture, &view, mean.as_ref(), &about, &first_picture)?;
+        (ev, broken_in_pictures) = (exposed, broken_in_pictures + found);
     }
     trace.lap("picture");
     for path in &args.timings {
@@ -375,7 +403,7 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
         report.write_trace(path, &trace)?;
     }
     report.print(loaded, ev);
-    say_skipped(&skipped, count);
+    say_skipped(&skipped, count * samples as usize);
     match (motion.pictures, motion.frames().next(), motion.frames().last()) {
         (true, Some((_, first)), Some((_, last))) if first < last => {
             say!("pictures  {} to {}", numbered(&args.out, first).display(), numbered(&args.out, last).display());

@@ -12,7 +12,7 @@ use lightskin::frame::View as FrameView;
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::settings::Ways;
 use lightskin::frame::{
-    ClusterRule, Exposure, Interpolation, Look, Near, Picture, Quality, Settings, Shadows, Tonemap,
+    Antialiasing, ClusterRule, Exposure, Interpolation, Look, Near, Picture, Quality, Settings, Shadows, Tonemap,
 };
 use lightskin::gpu::{Gpu, Present};
 use lightskin::scene::defaults::Ground;
@@ -234,6 +234,9 @@ impl View {
             );
         }
         self.drawing.check(self.quality());
+        if self.drawing.antialiasing(self.quality()) == Antialiasing::Supersampled {
+            wrong_usage("--aa 64 takes 64 pictures, which is too slow for a window: use --aa 8, or lightskin render");
+        }
     }
 
     /// Initial tone curve, exposure and background.

@@ -5,7 +5,7 @@ use super::gbuffer::Surface;
 use super::interpolate::Radiance;
 use super::layers::Layers;
 use super::plan::Plan;
-use super::settings::{Antialiasing, Behind, Exposure, Look};
+use super::settings::{Behind, Exposure, Look};
 use crate::error::Result;
 use crate::gpu::{
     Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Device, Format, Image, Pipeline, Raster, Shape, Use,
@@ -108,9 +108,9 @@ impl Composite {
             expose: gpu.compute("expose.comp", &[])?,
             map: gpu.raster(&Raster {
                 vertex: "screen.vert",
-                fragment: Some(match (plan.antialiasing, plan.layers) {
-                    (Antialiasing::Off, 0) => "composite.frag",
-                    (Antialiasing::Off, _) => "composite_layers.frag",
+                fragment: Some(match (points, plan.layers) {
+                    (0, 0) => "composite.frag",
+                    (0, _) => "composite_layers.frag",
                     (_, 0) => "composite_edges.frag",
                     _ => "composite_edges_layers.frag",
                 }),

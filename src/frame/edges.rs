@@ -68,7 +68,7 @@ impl Edges {
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub(super) fn new(gpu: &Device, world: &World, plan: &Plan, size: [u32; 2]) -> Result<Option<Self>> {
-        if plan.antialiasing == Antialiasing::Off {
+        if plan.antialiasing.points() == 0 {
             return Ok(None);
         }
         let over = |fragment, constants| {

@@ -161,7 +161,7 @@ fn surfaces(
 ) -> Result<ByKind> {
     let (vertex, streams): (_, &[_]) =
         if pulls(gpu, plan) { ("mesh_pulled.vert", &[]) } else { ("mesh.vert", &[VERTEX]) };
-    let damped = u32::from(plan.antialiasing != Antialiasing::Off);
+    let damped = u32::from(plan.antialiasing.points() > 0);
     let inside = if plan.inside { 1 + u32::from(plan.brute_force) } else { 0 };
     world.by_kind(|kind| {
         gpu.raster(&Raster {
@@ -219,7 +219,7 @@ impl GBuffer {
                 })
             })
         });
-        let textures = (plan.antialiasing.shaded_points(), plan.antialiasing == Antialiasing::Fast);
+        let textures = (plan.antialiasing.textured_points(), plan.antialiasing == Antialiasing::Fast);
         Ok(Self {
             depth: depth.transpose()?,
             draw: surfaces((gpu, world), plan, textures, name, &targets(plan, None))?,
@@ -236,7 +236,9 @@ impl GBuffer {
             (true, true, false) => "layers_pulled.frag",
             (true, true, true) => "layers_pulled_coat.frag",
         };
-        surfaces((gpu, world), plan, (0, false), name, &targets(plan, Some(HALF)))
+        // Layers have one point in each picture.
+        let points = if plan.antialiasing.points() == 0 { plan.antialiasing.textured_points() } else { 0 };
+        surfaces((gpu, world), plan, (points, false), name, &targets(plan, Some(HALF)))
     }
 
     /// Records the stage for a view.

@@ -63,7 +63,7 @@ pub use plan::{Features, Plan};
 pub use record::{Part, record, record_part};
 pub use settings::{
     Antialiasing, Behind, ClusterRule, DrawSource, Exposure, Indirect, Interpolation, LightShadows, Look, Near,
-    ProxyWeight, Quality, Settings, Shadows, Tonemap, ValSource, Ways,
+    ProxyWeight, Quality, SUPERSAMPLES, Settings, Shadows, Tonemap, ValSource, Ways,
 };
 pub use view::View;
 pub use world::{AreaLight, World};

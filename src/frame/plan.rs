@@ -141,7 +141,7 @@ macro_rules! stages {
 
 stages! {
     GBUFFER: 1 "gbuffer" |_| true;
-    EDGES: 1 "edges" |plan| plan.antialiasing != Antialiasing::Off;
+    EDGES: 1 "edges" |plan| plan.antialiasing.points() > 0;
     LAYERS: 1 "layers" |plan| plan.layers > 0;
     DIRECT: 2 "direct" |plan| plan.direct;
     SKY: 2 "sky" |plan| plan.sky;
@@ -160,7 +160,7 @@ stages! {
     BRUTE_FORCE: 8 "brute force" |plan| plan.brute_force;
     DIPOLES: 9 "dipole gather" |plan| plan.inside && plan.lightskin;
     SCATTER: 10 "scatter" |plan| plan.inside;
-    MIX: 8 "mix edges" |plan| plan.antialiasing != Antialiasing::Off;
+    MIX: 8 "mix edges" |plan| plan.antialiasing.points() > 0;
     MIX_LAYERS: 8 "mix layers" |plan| plan.layers > 0;
     COMPOSITE: 11 "composite" |_| true;
 }

@@ -53,7 +53,13 @@ pub enum Antialiasing {
     Four,
     /// Eight points.
     Eight,
+    /// None: the picture is one of many, each through another point of the pixels, and the caller takes their mean.
+    /// Textures are filtered over a point's share of the pixel. See `View::sample`.
+    Supersampled,
 }
+
+/// Columns and rows of a pixel's points with supersampling.
+pub const SUPERSAMPLES: u32 = 8;
 
 /// How indirect light is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -404,7 +410,7 @@ impl Antialiasing {
     /// Number of points, besides the centre, that are drawn and shaded.
     pub fn shaded_points(self) -> u32 {
         match self {
-            Self::Off | Self::Fast => 0,
+            Self::Off | Self::Fast | Self::Supersampled => 0,
             Self::Four => 4,
             Self::Eight => 8,
         }
@@ -413,6 +419,12 @@ impl Antialiasing {
     /// Number of points, besides the centre, over which the light of a pixel is averaged.
     pub fn points(self) -> u32 {
         if self == Self::Fast { crate::gpu::SAMPLES } else { self.shaded_points() }
+    }
+
+    /// Number of points, besides the first, at which textures are looked up, in one picture or in many. Each covers its
+    /// share of the pixel.
+    pub(super) fn textured_points(self) -> u32 {
+        if self == Self::Supersampled { SUPERSAMPLES * SUPERSAMPLES - 1 } else { self.shaded_points() }
     }
 
     /// Offsets of the points from the centre \[pixels\]. Those of four and eight points form a lattice with the centre:

@@ -1,5 +1,6 @@
 //! A camera in the form that shaders use: relative to the scene's origin, reversed depth, no far plane.
 
+use super::settings::SUPERSAMPLES;
 use crate::scene::{Camera, Projection};
 use glam::{DAffine3, DMat4, DVec3, DVec4, Mat4, Vec2, Vec4};
 
@@ -24,6 +25,31 @@ impl View {
         let by = 2.0 * offset / Vec2::new(size[0] as f32, size[1] as f32);
         let moved = Mat4::from_translation((-by).extend(0.0));
         Self { clip_from_world: moved * self.clip_from_world, ..*self }
+    }
+
+    /// Size of the pictures of `sample` for a picture of this size \[pixels\].
+    pub fn size_of_samples([width, height]: [u32; 2]) -> [u32; 2] {
+        [width + SUPERSAMPLES, height + SUPERSAMPLES]
+    }
+
+    /// The view through one of `SUPERSAMPLES`^2 points of every pixel, and a shift in columns and rows. `size`: of the
+    /// picture that this view belongs to. A larger picture of the returned view, of `size_of_samples`, shows the point of
+    /// pixel `p` at pixel `p` + shift. Directions of rays follow patterns of at most 8 x 8 pixels; because of the shift,
+    /// each point of a pixel has others.
+    pub fn sample(&self, number: u32, size: [u32; 2]) -> (Self, [u32; 2]) {
+        let shift = [number % SUPERSAMPLES, number / SUPERSAMPLES % SUPERSAMPLES];
+        let offset = shift.map(|i| (i as f32 + 0.5) / SUPERSAMPLES as f32 - 0.5);
+        let [small, large] = [size, Self::size_of_samples(size)].map(|[w, h]| Vec2::new(w as f32, h as f32));
+        let moved = 2.0 * (Vec2::from(shift.map(|i| i as f32)) - Vec2::from(offset));
+        let (scale, by) = (small / large, (small - large + moved) / large);
+        let window =
+            |scale: Vec2, by: Vec2| Mat4::from_translation(by.extend(0.0)) * Mat4::from_scale(scale.extend(1.0));
+        let view = Self {
+            clip_from_world: window(scale, by) * self.clip_from_world,
+            world_from_clip: self.world_from_clip * window(1.0 / scale, -by / scale),
+            ..*self
+        };
+        (view, shift)
     }
 
     /// A camera's view of a scene around `origin` with this radius \[m\].

@@ -1,0 +1,58 @@
+//! Supersampling: the mean of many pictures, each through another point of the pixels. METHOD 13.
+
+use super::picture::{Layers, Read};
+use anyhow::Result;
+use lightskin::frame::{Picture, SUPERSAMPLES, View};
+use lightskin::gpu::Gpu;
+
+/// Number of pictures whose mean is taken.
+pub(super) const SAMPLES: u32 = SUPERSAMPLES * SUPERSAMPLES;
+
+/// The sample next to the pixels' centres. Layers that are no light are its, since their mean is no surface's.
+const CENTRAL: u32 = (SUPERSAMPLES + 1) * (SUPERSAMPLES / 2);
+
+/// The sum of the pictures so far.
+pub(super) struct Supersampled {
+    size: [u32; 2],
+    sum: Option<Layers>,
+}
+
+impl Supersampled {
+    /// Starts with nothing, for a picture of this size.
+    pub(super) fn new(size: [u32; 2]) -> Self {
+        Self { size, sum: None }
+    }
+
+    /// The view of a sample, and its pixels' shift.
+    pub(super) fn view(&self, view: &View, sample: u32) -> (View, [u32; 2]) {
+        view.sample(sample, self.size)
+    }
+
+    /// Reads the picture of the last frame and adds it.
+    pub(super) fn add(&mut self, gpu: &Gpu, picture: &Picture, view: &View, sample: u32) -> Result<()> {
+        let (of_sample, shift) = self.view(view, sample);
+        let mut new = Read::begin(gpu, picture, &of_sample, true)?()?.layers().cropped(shift, self.size);
+        let Some(sum) = &mut self.sum else {
+            self.sum = Some(new);
+            return Ok(());
+        };
+        let (to, from) = (sum.light_mut(), new.light_mut());
+        for (to, from) in to.into_iter().zip(from) {
+            to.iter_mut().flatten().zip(from.iter().flatten()).for_each(|(to, from)| *to += from);
+        }
+        sum.covered.iter_mut().zip(&new.covered).for_each(|(to, from)| *to += from);
+        if sample == CENTRAL {
+            (sum.albedo, sum.normal, sum.depth) = (new.albedo, new.normal, new.depth);
+        }
+        Ok(())
+    }
+
+    /// The mean, after all samples were added.
+    pub(super) fn mean(self) -> Layers {
+        let mut mean = self.sum.expect("samples were added");
+        let share = 1.0 / SAMPLES as f32;
+        mean.light_mut().into_iter().flatten().flatten().for_each(|value| *value *= share);
+        mean.covered.iter_mut().for_each(|covered| *covered *= share);
+        mean
+    }
+}
