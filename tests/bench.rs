@@ -4,8 +4,9 @@ use crate::cli::{fails, folder, left};
 use crate::common::frames::{SPOT, baked, corner, small};
 use crate::common::{assert_clean, gpu, rounding};
 use glam::{DVec3, Vec3};
-use lightskin::frame::{View, Ways};
+use lightskin::frame::{Quality, View, Ways};
 use lightskin::lab::bench::contexts::{FLOP_PER_PAIR, light_and_caches};
+use lightskin::lab::bench::extent::Shown;
 use lightskin::lab::bench::measure::{OnDevice, bake, settings, too_large};
 use lightskin::lab::bench::native;
 use lightskin::lab::bench::scaling::{Growth, Point};
@@ -277,6 +278,12 @@ fn exponents_of_two_quantities_are_found() {
 fn tiny() -> Extent {
     Extent {
         name: "tiny",
+        shown: Shown::Atrium,
+        cell: 0.2,
+        levels: vec![Quality::Low],
+        level: Quality::Low,
+        choices: 2,
+        shown_frames: 1,
         size: [32, 18],
         window: [48, 27],
         triangles: vec![800, 3200],
@@ -290,6 +297,7 @@ fn tiny() -> Extent {
         warm_up: 0,
         frames: 1,
         pipelines: 1,
+        rounds: 0.0,
         budget: 300.0,
     }
 }
@@ -315,14 +323,17 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
     let tables = [
         "bake",
         "caches",
+        "choices",
         "culling",
         "exponents",
         "growth",
+        "levels",
         "motion",
         "scaling",
         "stages",
         "pairs",
         "resolution",
+        "subsurface",
         "triangles",
         "views",
     ];
@@ -340,6 +351,9 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
     let cpu = json["cpu"].as_str().expect("the CPU's name");
     assert!(!cpu.is_empty() && read("bench.md").contains(&format!("CPU: {cpu}, ")), "{cpu}");
     let counts = [
+        ("levels", 1),
+        ("choices", 2),
+        ("subsurface", 2),
         ("triangles", 2),
         ("bake", 2),
         ("stages", 10),
@@ -374,6 +388,15 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
             }
         }
     }
+    // The stages of a level add up to its frame. Only a filled body has light inside it.
+    let levels = results.table("levels");
+    let stages = levels.columns.iter().filter(|column| column.ends_with(" [ms]") && !column.starts_with("camera"));
+    let times: Vec<f64> = stages.filter_map(|stage| levels.number(0, stage)).collect();
+    assert!((times[0] - times[1..].iter().sum::<f64>()).abs() < 0.002 * times[0], "{times:?}");
+    let subsurface = results.table("subsurface");
+    let inside = [0, 1].map(|row| subsurface.number(row, "dipole gather [ms]").is_some());
+    assert_eq!(inside, [false, true]);
+    assert_eq!(subsurface.number(1, "thesis [ms]"), Some(16.0));
     let page = read("bench.md");
     assert!(page.contains(&gpu.report().name) && page.contains(&gpu.report().driver), "{page}");
     assert_eq!(page.contains("**software device**"), gpu.is_software());
@@ -405,6 +428,11 @@ fn is_left_empty(table: &Table, row: usize, column: &str) -> bool {
             let lobes = &numbers(&table.rows[row])[0];
             thesis::frame_ms(thesis::CACHES, &[number("asked")], &format!("{lobes}_{}", number("VALs"))).is_none()
         }
+        // The lowest level has neither of these stages, nor rays.
+        ("levels", stage) => ["edges", "mix edges", "depth images", "near rays", "short rays"]
+            .iter()
+            .any(|lacking| stage.starts_with(lacking)),
+        ("subsurface", "dipole gather [ms]" | "scatter [ms]") => table.has(row, "stone"),
         // The thesis lacks the first point, and has fewer than two points of each line.
         ("caches", "thesis / first") | ("exponents", "thesis frame") => true,
         _ => false,

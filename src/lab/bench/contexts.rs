@@ -45,9 +45,8 @@ const RSM: u32 = 128;
 /// roots, powers and maxima count one each, a multiply-add two.
 pub const FLOP_PER_PAIR: [f64; 2] = [42.0, 69.0];
 
-/// Rounds of stage 6 by both paths and the CPU: at least this many, and more until this much time has passed \[s\].
+/// Minimum number of rounds of stage 6 by both paths and the CPU.
 const ROUNDS: usize = 3;
-const LONG_ENOUGH: f64 = 0.8;
 
 /// Inputs of the measurements.
 pub struct Contexts<'a> {
@@ -266,7 +265,7 @@ impl Contexts<'_> {
         let how = format!(
             "{} triangles, {w}x{h} pixels, 8 references per vertex. DGS: DG with proxy shadows (stage 7); \"of all discs\" is that \
              stage without skipping. \"first\" is the row with the fewest caches and VALs. The thesis's \
-             column SSS (subsurface scattering) is not measured. {}",
+             column SSS (subsurface scattering) is in the table of that name. {}",
             self.extent.ground,
             self.method()
         );
@@ -290,12 +289,13 @@ impl Contexts<'_> {
              to {:.1} Gflop/s, the rate of independent multiply-adds in a shader in the same run (`glsl/peak.comp`); a pair \
              counts {} operations, {} with the glossy lobe. Native: the same sums for the same caches and VALs on {} CPU \
              threads with {lanes} lanes per register ({registers}). Both paths and the CPU alternate; medians of at least {ROUNDS} \
-             rounds and {LONG_ENOUGH} s, over {} pipelines in turn, because pipelines of identical code can differ in speed. Off \
+             rounds and {} s, over {} pipelines in turn, because pipelines of identical code can differ in speed. Off \
              f64: largest relative error of a lobe's irradiance by either path at a sample of caches.",
             self.peak * 1e-9,
             FLOP_PER_PAIR[0],
             FLOP_PER_PAIR[1],
             rayon::current_num_threads(),
+            self.extent.rounds,
             self.extent.pipelines
         );
         let mut pairs = Table::new("pairs", "Gather: pairs per second", how, &columns);
@@ -386,7 +386,7 @@ impl Contexts<'_> {
         let begin = Instant::now();
         for round in 0.. {
             let counts = round >= self.extent.pipelines;
-            if round >= self.extent.pipelines + ROUNDS && begin.elapsed().as_secs_f64() > LONG_ENOUGH {
+            if round >= self.extent.pipelines + ROUNDS && begin.elapsed().as_secs_f64() > self.extent.rounds {
                 break;
             }
             for (gathers, times) in gathers.iter().zip(&mut paths) {

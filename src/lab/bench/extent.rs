@@ -1,13 +1,35 @@
 //! Extent of the benchmark: which points are measured, and how often.
 
-use crate::frame::tune;
+use crate::frame::{Quality, tune};
+use crate::scene::build::Fineness;
+
+/// Scene whose frames are measured as `render` draws them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown {
+    /// The default scene of `render`.
+    Showpiece,
+    /// A simpler scene.
+    Atrium,
+}
 
 /// Points of the thesis's tables, and the number of frames per point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Extent {
     /// Name for the report.
     pub name: &'static str,
-    /// Picture \[pixels\] for table 6.3 and for culling.
+    /// Scene of the quality levels and their choices.
+    pub shown: Shown,
+    /// Side of the cells of the statue's surface nets \[m\].
+    pub cell: f32,
+    /// Quality levels.
+    pub levels: Vec<Quality>,
+    /// Quality level whose choices are measured.
+    pub level: Quality,
+    /// Number of choices.
+    pub choices: usize,
+    /// Frames of levels and choices of which the median is taken.
+    pub shown_frames: usize,
+    /// Picture \[pixels\] for quality levels, table 6.3 and culling.
     pub size: [u32; 2],
     /// Picture \[pixels\] for table 6.1. The thesis shows its scenes at this size, and the times in its table 6.2 agree
     /// with it.
@@ -34,6 +56,8 @@ pub struct Extent {
     pub frames: usize,
     /// Pipelines of identical code that are timed in turn: they can differ in speed.
     pub pipelines: usize,
+    /// Pairs of caches and VALs are measured in rounds until this much time has passed \[s\].
+    pub rounds: f64,
     /// Time limit of each table \[s\].
     pub budget: f64,
 }
@@ -43,6 +67,12 @@ impl Extent {
     pub fn quick() -> Self {
         Self {
             name: "quick",
+            shown: Shown::Atrium,
+            cell: 0.03,
+            levels: vec![Quality::Low, Quality::Medium, Quality::High],
+            level: Quality::High,
+            choices: usize::MAX,
+            shown_frames: 1,
             size: [320, 180],
             window: [1280, 720],
             triangles: vec![800, 12_800, 51_200, 204_800, 819_200],
@@ -56,6 +86,7 @@ impl Extent {
             warm_up: 1,
             frames: 3,
             pipelines: tune::PIPELINES,
+            rounds: 0.8,
             budget: 80.0,
         }
     }
@@ -64,6 +95,12 @@ impl Extent {
     pub fn full() -> Self {
         Self {
             name: "full",
+            shown: Shown::Showpiece,
+            cell: Fineness::default().cell,
+            levels: Quality::ALL.to_vec(),
+            level: Quality::High,
+            choices: usize::MAX,
+            shown_frames: 50,
             size: [1280, 720],
             window: [1280, 720],
             triangles: vec![
@@ -92,6 +129,7 @@ impl Extent {
             warm_up: 20,
             frames: 50,
             pipelines: tune::PIPELINES,
+            rounds: 0.8,
             budget: 1200.0,
         }
     }

@@ -1,5 +1,6 @@
-//! The thesis's measurements on generated scenes, next to its figures: frame times over triangles, resolution, caches
-//! and VALs, and how close the gather comes to the peak of the device and to hand-written CPU code.
+//! What frames of the product cost; then the thesis's measurements on generated scenes, next to its figures: frame times
+//! over triangles, resolution, caches and VALs, and how close the gather comes to the peak of the device and to
+//! hand-written CPU code.
 
 pub mod accuracy;
 pub mod contexts;
@@ -8,6 +9,7 @@ pub mod measure;
 pub mod motion;
 pub mod native;
 pub mod peak;
+pub mod product;
 pub mod report;
 pub mod scaling;
 pub mod simd;
@@ -60,26 +62,29 @@ pub fn run(gpu: &Gpu, extent: &Extent, progress: &dyn Fn(f32, &str)) -> Result<R
     let part = |from: f32, to: f32| move |part: f32, what: &str| progress(from + (to - from) * part, what);
     let parts = [
         part(0.0, 0.3),
-        part(0.3, 0.4),
-        part(0.4, 0.7),
-        part(0.7, 0.75),
-        part(0.75, 0.93),
-        part(0.93, 0.97),
-        part(0.97, 1.0),
+        part(0.3, 0.5),
+        part(0.5, 0.57),
+        part(0.57, 0.78),
+        part(0.78, 0.82),
+        part(0.82, 0.95),
+        part(0.95, 0.98),
+        part(0.98, 1.0),
     ];
     let mut work = Contexts { gpu, extent, peak, tuned, progress: &parts[0], problems: Vec::new() };
-    let mut tables = Vec::from(work.triangles()?);
+    let mut tables = Vec::from(work.product()?);
     work.progress = &parts[1];
-    tables.push(work.resolution()?);
+    tables.extend(work.triangles()?);
     work.progress = &parts[2];
-    tables.extend(work.caches()?);
+    tables.push(work.resolution()?);
     work.progress = &parts[3];
-    tables.push(work.culling()?);
+    tables.extend(work.caches()?);
     work.progress = &parts[4];
-    tables.extend(work.scaling()?);
+    tables.push(work.culling()?);
     work.progress = &parts[5];
-    tables.push(work.motion()?);
+    tables.extend(work.scaling()?);
     work.progress = &parts[6];
+    tables.push(work.motion()?);
+    work.progress = &parts[7];
     tables.push(work.views()?);
     let problems = work.problems;
     let grown = exponents(tables.iter().find(|table| table.name == "caches").expect("just made"));

@@ -6,7 +6,7 @@ use super::native;
 use super::scaling;
 use super::table::{Cell, Table};
 use super::thesis;
-use super::{motion, views};
+use super::{motion, product, views};
 use crate::error::Result;
 use crate::files;
 use crate::gpu::Gpu;
@@ -83,7 +83,7 @@ fn markdown(gpu: &Gpu, results: &Results) -> String {
 
 /// Summary sentences: ratios, and on GPUs frames per second.
 pub fn headlines(gpu: &Gpu, results: &Results) -> Vec<String> {
-    let mut lines = Vec::new();
+    let mut lines = product::headlines(results.table("levels"), results.table("choices"));
     let triangles = results.table("triangles");
     if let Some(last) = triangles.rows.len().checked_sub(1) {
         let of = |column: &str| triangles.number(last, column);
