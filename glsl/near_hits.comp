@@ -19,6 +19,8 @@ layout(binding = 26, scalar) readonly buffer CacheVals { Val cache_vals[]; };
 #endif
 #ifdef SKY
 layout(binding = 27, scalar) readonly buffer Seen { SkySeen seen[]; }; // per cache
+#define SKY_BINDING 29
+#include "lib/sky.glsl"
 #endif
 #if defined(LIT) && defined(SKY)
 layout(binding = 31, scalar) readonly buffer Albedos { vec3 albedos[]; }; // of the caches
@@ -29,8 +31,8 @@ layout(binding = 34, scalar) readonly buffer Counts { uint counts[]; }; // their
 
 #if defined(LIT) || defined(SKY)
 // Radiance [cd/m^2] that a point reflects of the light its caches receive: of their bounced light if LIT, of the sky if
-// SKY. With `first` one cache is enough, as for one of many rays that are averaged.
-vec3 cache_radiance(Hit hit, HitSurface s, vec3 direction, bool first) {
+// SKY and `with_sky`. With `first` one cache is enough, as for one of many rays that are averaged.
+vec3 cache_radiance(Hit hit, HitSurface s, vec3 direction, bool first, bool with_sky) {
     uvec3 v = corners_hit(hit, direction) - hit_instances[hit.instance].drawn_vertex;
     vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
     vec3 shares;
@@ -50,7 +52,7 @@ vec3 cache_radiance(Hit hit, HitSurface s, vec3 direction, bool first) {
         own += val.flux / max(PI * val.area, 1e-30);
 #endif
 #ifdef SKY
-        vec3 albedo = s.diffuse;
+        vec3 albedo = with_sky ? s.diffuse : vec3(0.0);
 #ifdef LIT
         // This flux includes the sky's light, reflected with the cache's albedo.
         albedo -= albedos[at[i]];
@@ -60,6 +62,18 @@ vec3 cache_radiance(Hit hit, HitSurface s, vec3 direction, bool first) {
         sum += shares[i] * max(own, vec3(0.0));
     }
     return sum;
+}
+#endif
+
+#ifdef SKY
+// The ray to the sky in one direction, chosen with cosine density. The mean over many rays knows what is close to the
+// point, such as a wall that stands there; caches do not.
+LightRay ray_to_sky(HitSurface s, vec2 chance) {
+    float z = 1.0 - 2.0 * chance.x;
+    float angle = TWO_PI * chance.y;
+    vec3 way = unit_or(s.normal + vec3(sqrt(max(1.0 - z * z, 0.0)) * vec2(cos(angle), sin(angle)), z), s.normal);
+    bool above = dot(way, s.geometric) > 0.0;
+    return LightRay(way, 3e38, 0u, above ? s.diffuse * sky_at(SKY_OF_CACHES, way) : vec3(0.0));
 }
 #endif
 
@@ -75,10 +89,26 @@ void light_hit(uint at) {
         uint i = at / gl_WorkGroupSize.x % push.slots;
         uint number = (i < push.rays ? i : i < push.guided ? i - push.rays : i - push.guided) * ALL + gl_WorkGroupID.x % ALL;
         vec3 chance = fract(0.5 + float(number) * vec3(0.8191725134, 0.6710436067, 0.5497004779));
-        radiance += reflected_direct(s, ray.direction, push.light_count, push.first_sky_light, push.sky_light_count, push.root, chance);
+        LightRay to_light =
+            ray_to_some(s, ray.direction, push.light_count, push.first_sky_light, push.sky_light_count, chance);
+#ifdef SKY
+        // Each square of pixels has other directions.
+        uint square = at % gl_WorkGroupSize.x;
+        vec2 place = fract(0.5 + float(number) * vec2(0.7548776662, 0.5698402910) + float(square) * vec2(0.3247179572, 0.2451223338));
+        // Too few endless rays are averaged for a single direction. Both rays share the code of a loop.
+        uint count = endless ? 1u : 2u;
+        [[dont_unroll]] for (uint k = 0u; k < count; ++k) {
+            if (k > 0u) {
+                to_light = ray_to_sky(s, place);
+            }
+            radiance += reflected_along(to_light, s, push.root);
+        }
+#else
+        radiance += reflected_along(to_light, s, push.root);
+#endif
     }
 #if defined(LIT) || defined(SKY)
-    radiance += cache_radiance(hit, s, ray.direction, !endless);
+    radiance += cache_radiance(hit, s, ray.direction, !endless, endless);
 #endif
     near_rays[at].start = radiance;
 }

@@ -77,7 +77,7 @@ vec3 direct_light(HitSurface s, vec3 looking) {
             uint points = light.kind == LIGHT_AREA ? AREA_POINTS : 1u;
             for (uint i = 0u; i < points; ++i) {
                 vec2 chance = fract(0.5 + float(i) * vec2(0.7548776662, 0.5698402910));
-                sum += reflected_by(light, given / float(points), s, looking, push.root, chance);
+                sum += reflected_along(ray_to(light, given / float(points), s, looking, chance), s, push.root);
             }
         }
     }

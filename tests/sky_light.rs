@@ -19,7 +19,7 @@ use lightskin::scene::build::{cuboid, quad, sphere};
 use lightskin::scene::medium::Subsurface;
 use lightskin::scene::sky::Sky;
 use lightskin::scene::sky_filter::{LOBES, irradiance, lobes};
-use lightskin::scene::{Material, Scene, luminance, tessellate};
+use lightskin::scene::{Camera, Material, Projection, Scene, luminance, tessellate};
 use lightskin::shared::{
     Cache, DEPTH_IMAGE_SIDE, DIRECTIONS, GatherSums, NEAR_SIDE, NearPixel, SKY_ITSELF, SKY_OF_CACHES, SkySeen, Val,
 };
@@ -416,6 +416,41 @@ fn every_number_of_bounces_is_the_path_tracers() {
         let m = metrics(&shown, &paths.diffuse());
         println!("{bounces} bounces: bias {:+.4}, relMSE without the worst 1 % {:.4}", m.bias, m.relmse_trimmed);
         assert!(m.bias.abs() < 0.015 && m.relmse_trimmed < 0.02, "{bounces}: {m:?}");
+    }
+}
+
+/// A wall hides half of the sky from the floor at its foot, and gets less light back from there. Caches are too far apart
+/// to know: hits must ask the sky themselves.
+#[test]
+fn the_floor_is_dark_at_the_foot_of_a_wall() {
+    const ALBEDO: f64 = 0.6;
+    let mut scene = Scene { name: "foot".into(), ..Scene::default() };
+    let grey = phong([ALBEDO as f32; 3], [0.0; 3], 1.0);
+    const DEEP: f64 = 15.0;
+    let floor = quad(vec3(-25.0, 0.0, 0.0), Vec3::Z * DEEP as f32, Vec3::X * 50.0, 0.5);
+    let wall = quad(vec3(-25.0, 0.0, 0.0), Vec3::X * 50.0, Vec3::Y, 0.5);
+    add(&mut scene, floor, grey.clone(), DAffine3::IDENTITY);
+    add(&mut scene, wall, grey, DAffine3::IDENTITY);
+    let projection = Projection::Orthographic { ymag: 0.5 };
+    scene.cameras.push(Camera { projection, ..camera(dvec3(0.0, 0.5, 4.0), dvec3(0.0, 0.5, 0.0), 1.0) });
+    let (mut scene, caches) = divided(&scene, 1.5);
+    Sky::new(8, 4, std::iter::repeat_n(Vec3::ONE, 32), 0.0).put_over(&mut scene, 4);
+    let size = [16_u32, 32];
+    let near = Near::Rays { per_pixel: 16, every: 1 };
+    let shot = shoot(&gpu(), &scene, Some(&caches), &Knobs { bounces: 1, ..knobs(size, near) });
+    for (row, pixels) in shot.diffuse.chunks(size[0] as usize).enumerate() {
+        let height = 1.0 - (row as f64 + 0.5) / f64::from(size[1]);
+        let shown = pixels.iter().map(|light| light.y).sum::<f64>() / pixels.len() as f64;
+        // The wall looks down at the floor at this angle; the floor sees the sky beside a wall of height 1.
+        let reflected = |angle: f64| {
+            let away = height / angle.tan();
+            ALBEDO * 0.5 * (1.0 + away / (1.0 + away * away).sqrt()) * 0.5 * angle.cos()
+        };
+        let (least, steps) = ((height / DEEP).atan(), 1000);
+        let step = (PI / 2.0 - least) / f64::from(steps);
+        let wanted = ALBEDO * (0..steps).map(|i| reflected(least + (f64::from(i) + 0.5) * step)).sum::<f64>() * step;
+        println!("{height:.2} m: {:.3} of the integral", shown / wanted);
+        assert!((shown / wanted - 1.0).abs() < 0.1, "{height} m: {shown} instead of {wanted}");
     }
 }
 

@@ -70,41 +70,57 @@ vec3 brdf_at(HitSurface s, vec3 looking, vec3 towards, float share) {
     return diffuse / PI + share * lobe;
 }
 
-// Radiance [cd/m^2] that a surface reflects along a ray from a light that would give it this irradiance [lx] if nothing
-// were between them; `looking`: the ray's unit direction. `chance`: two numbers in [0, 1) that select a point of the light.
-vec3 reflected_by(Light light, vec3 given, HitSurface s, vec3 looking, uint root, vec2 chance) {
+// A ray that tests whether light arrives at a surface.
+struct LightRay {
+    vec3 way; // of any length
+    float far; // where it ends, in lengths of `way`
+    uint passed; // kinds of surface that it passes
+    vec3 radiance; // that the surface reflects if nothing is between it and the light [cd/m^2]; 0: no ray is needed
+};
+
+// Radiance [cd/m^2] that a surface reflects of the light at the end of a ray.
+vec3 reflected_along(LightRay ray, HitSurface s, uint root) {
+    if (ray.radiance == vec3(0.0)) {
+        return vec3(0.0);
+    }
     float lift = lift_at(s.position, 0.0);
     vec3 start = s.position + s.geometric * lift;
-    vec3 way = -light.direction;
-    float far = 3e38;
-    uint passed = 0u;
+    float from = lift * inversesqrt(max(dot(ray.way, ray.way), 1e-30));
+    Hit blocker = trace(start, ray.way, from, ray.far, root, ray.passed, true);
+    return blocker.triangle == NO_HIT ? ray.radiance : vec3(0.0);
+}
+
+// The ray to a light that would give a surface this irradiance [lx] if nothing were between them; `looking`: the unit
+// direction in which the surface is seen. `chance`: two numbers in [0, 1) that select a point of the light.
+LightRay ray_to(Light light, vec3 given, HitSurface s, vec3 looking, vec2 chance) {
+    vec3 start = s.position + s.geometric * lift_at(s.position, 0.0);
+    LightRay ray = LightRay(-light.direction, 3e38, 0u, vec3(0.0));
     float share = 1.0;
     if (light.kind == LIGHT_AREA) {
         // A point above the horizon: all irradiance comes from there.
         SeenPart part = above_horizon(light.position - s.position, light.right, light.up, s.normal);
         float whole;
-        way = s.position + point_of(part, chance, whole) - start;
-        far = 0.9999;
-        passed = RAY_AREA_LIGHT;
-        if (dot(way, s.geometric) <= 0.0 || dot(way, light.direction) >= 0.0) {
-            return vec3(0.0);
+        ray.way = s.position + point_of(part, chance, whole) - start;
+        ray.far = 0.9999;
+        ray.passed = RAY_AREA_LIGHT;
+        if (dot(ray.way, s.geometric) <= 0.0 || dot(ray.way, light.direction) >= 0.0) {
+            return ray;
         }
         // The irradiance is that of the whole rectangle. The lobe sees the point, which gives more of it or less.
-        float d2 = dot(way, way);
-        float of_point = max(dot(way, s.normal), 0.0) * -dot(way, light.direction) / (d2 * d2);
+        float d2 = dot(ray.way, ray.way);
+        float of_point = max(dot(ray.way, s.normal), 0.0) * -dot(ray.way, light.direction) / (d2 * d2);
         share = min(0.5 * whole * of_point / max(PI * polygon_form_factor(part, s.normal), 1e-6), MOST_OF_POINT);
     } else if (light.kind != LIGHT_DIRECTIONAL) {
-        way = light.position - start;
-        far = 0.99999;
+        ray.way = light.position - start;
+        ray.far = 0.99999;
     }
-    Hit blocker = trace(start, way, lift * inversesqrt(max(dot(way, way), 1e-30)), far, root, passed, true);
-    return blocker.triangle == NO_HIT ? brdf_at(s, looking, normalize(way), share) * given : vec3(0.0);
+    ray.radiance = brdf_at(s, looking, normalize(ray.way), share) * given;
+    return ray;
 }
 
-// Radiance [cd/m^2] that a surface reflects along a ray from all lights except `left_out` consecutive ones; `looking`: the
-// ray's unit direction. `chance`: three numbers in [0, 1) that select a light and a point on it.
-vec3 reflected_direct(HitSurface s, vec3 looking, uint light_count, uint first_left_out, uint left_out, uint root,
-                      vec3 chance) {
+// The ray to one of all lights except `left_out` consecutive ones; `looking`: the unit direction in which the surface is
+// seen. `chance`: three numbers in [0, 1) that select a light and a point on it.
+LightRay ray_to_some(HitSurface s, vec3 looking, uint light_count, uint first_left_out, uint left_out, vec3 chance) {
     const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
     float total = 0.0;
     float own = 0.0;
@@ -130,10 +146,12 @@ vec3 reflected_direct(HitSurface s, vec3 looking, uint light_count, uint first_l
             pick = clamp(pick, 0.0, 0.999999);
         }
     }
-    if (own == 0.0) {
-        return vec3(0.0);
+    LightRay ray = LightRay(vec3(0.0), 0.0, 0u, vec3(0.0));
+    if (own > 0.0) {
+        ray = ray_to(hit_lights[chosen], given, s, looking, chance.yz);
+        ray.radiance *= total / own;
     }
-    return reflected_by(hit_lights[chosen], given, s, looking, root, chance.yz) * (total / own);
+    return ray;
 }
 
 #endif
