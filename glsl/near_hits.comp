@@ -95,7 +95,7 @@ void light_hit(uint at) {
         // Each square of pixels has other directions.
         uint square = at % gl_WorkGroupSize.x;
         vec2 place = fract(0.5 + float(number) * vec2(0.7548776662, 0.5698402910) + float(square) * vec2(0.3247179572, 0.2451223338));
-        // Too few endless rays are averaged for a single direction. Both rays share the code of a loop.
+        // Too few endless rays of lobes are averaged for a single direction. Both rays share the code of a loop.
         uint count = endless ? 1u : 2u;
         [[dont_unroll]] for (uint k = 0u; k < count; ++k) {
             if (k > 0u) {

@@ -110,7 +110,8 @@ void main() {
         for (uint i = 0u; i < push.chances; ++i) {
             uint number = at % push.times * push.chances + i;
             vec3 chance = fract(0.5 + float(number) * vec3(0.8191725134, 0.6710436067, 0.5497004779));
-            met.direct += reflected_direct(s, normalize(ray.direction), push.lights, 0u, 0u, push.root, chance) / float(push.chances);
+            LightRay to_light = ray_to_some(s, normalize(ray.direction), push.lights, 0u, 0u, chance);
+            met.direct += reflected_along(to_light, s, push.root) / float(push.chances);
         }
     }
     all[at] = met;

@@ -1,4 +1,4 @@
-//! `lightskin bench`: repeats the measurements of the thesis on generated scenes and compares them with its figures.
+//! `lightskin bench`: measures what `render` draws, and repeats the measurements of the thesis beside its figures.
 
 use super::{DeviceArgs, check_messages, progress_bar};
 use anyhow::Result;

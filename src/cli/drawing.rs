@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 pub(super) const QUALITY: &str = "Quality";
 pub(super) const METHOD: &str = "Variants of the method";
 
-/// Short rays per traced pixel in each of many pictures whose mean is taken. With 8 the mean is no closer to the truth.
+/// Short rays per traced pixel in each of many pictures whose mean is taken.
 const RAYS_OF_A_SAMPLE: u32 = 4;
 
 /// The settings of a frame, where they differ from those of the quality level.
@@ -41,8 +41,8 @@ pub(super) struct DrawingArgs {
     shadow_map: Option<LightShadows>,
     /// Antialiasing: extra sample points per pixel, or fast [default: 4 at --quality high].
     ///
-    /// 64 averages 64 pictures. `render` does so at --quality reference. With --gi path-trace, any value but off spreads
-    /// the samples over the pixel.
+    /// 64 averages 64 pictures. `render` does so at --quality reference, except with --gi brute-force. With --gi
+    /// path-trace, any value but off spreads the samples over the pixel.
     #[arg(long, help_heading = QUALITY, value_name = "off|fast|4|8|64", value_enum)]
     aa: Option<AntialiasingArg>,
     /// Maximum number of glass and blended layers per pixel; the nearest are drawn [default: 4 at --quality high].
@@ -67,7 +67,7 @@ pub(super) struct DrawingArgs {
     #[arg(long, help_heading = QUALITY, value_enum)]
     near: Option<NearArg>,
     /// Short rays per traced pixel, and a quarter as many more towards bright regions; 16 neighbouring pixels share their
-    /// rays [default: 8 at --quality high; at most 4 with --aa 64].
+    /// rays [default: 8 at --quality high; 4 with --aa 64].
     #[arg(long, help_heading = QUALITY, hide_short_help = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32))]
     near_rays: Option<u32>,
     /// Trace short rays at every N-th pixel of every N-th row [default: 2 at --quality high, 1 below 640x360 pixels].
@@ -154,7 +154,7 @@ impl DrawingArgs {
         match near {
             Near::Off => Near::Off,
             Near::Rays { per_pixel, every } => {
-                // Each of the many pictures has other directions.
+                // Points of a pixel have different rays.
                 let is_mean = self.antialiasing(level) == Antialiasing::Supersampled;
                 let usual = if is_mean { per_pixel.min(RAYS_OF_A_SAMPLE) } else { per_pixel };
                 Near::Rays { per_pixel: self.near_rays.unwrap_or(usual), every: self.near_every.unwrap_or(every) }

@@ -111,7 +111,7 @@ enum Command {
     /// Measure speed against error and write a report with a curve for every setting.
     #[cfg(feature = "lab")]
     Eval(Box<eval::Eval>),
-    /// Measure how frame times grow with triangles, pixels, caches and virtual lights.
+    /// Measure quality levels and their choices, and how times grow with triangles, pixels, caches and virtual lights.
     #[cfg(feature = "lab")]
     Bench(bench::BenchArgs),
     /// Run the studies behind the defaults: sources of error, flicker, numerically hard cases.
@@ -279,7 +279,7 @@ enum QualityArg {
     /// Ray-traced shadows, short rays for nearby light, accurate shadows of indirect light.
     #[default]
     High,
-    /// Like high, with about twice the density of caches, virtual lights, rays and samples.
+    /// Like high, with twice as many caches and virtual lights, and the mean of 64 pictures.
     Reference,
 }
 

@@ -166,6 +166,7 @@ impl Render {
         interp: InterpArg,
         motion: &Motion,
         scene: &Scene,
+        drawn_size: [u32; 2],
     ) -> Vec<(&'static str, Value)> {
         let (animation, first) = motion.moment(0);
         let (_, last) = motion.moment(motion.frames().len() - 1);
@@ -186,7 +187,7 @@ impl Render {
             ("validation", word(self.device.validation).into()),
             ("check", json!(self.check)),
         ];
-        facts.extend(self.drawing.facts(self.caches.quality(), settings, self.size));
+        facts.extend(self.drawing.facts(self.caches.quality(), settings, drawn_size));
         facts
     }
 }
@@ -357,7 +358,7 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
             skipped.extend(light.skipped());
             if is_mean {
                 sum.add(&gpu, &picture, &view, sample)?;
-                bar.set_message(format!("sample {}", sample + 1));
+                bar.set_message(format!("{number}: {} of {samples}", sample + 1));
             }
             if count * samples as usize > 1 {
                 let done = index as u64 * u64::from(samples) + u64::from(sample) + 1;
@@ -371,7 +372,7 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
             let (exposed, found) = write(&picture, &view, mean.as_ref(), &about, &out)?;
             (ev, broken_in_pictures) = (exposed, broken_in_pictures + found);
         }
-        if count > 1 {
+        if count > 1 && !is_mean {
             bar.set_message(format!("frame {number}"));
         }
     }
@@ -388,7 +389,7 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
         light: &light,
         counts: light.counts(&gpu)?,
         first_ms,
-        settings: args.facts(&settings, interp, &motion, &scene),
+        settings: args.facts(&settings, interp, &motion, &scene, drawn_size),
         runs: &runs,
     };
     if !motion.pictures {

@@ -8,7 +8,7 @@ use lightskin::gpu::Gpu;
 /// Number of pictures whose mean is taken.
 pub(super) const SAMPLES: u32 = SUPERSAMPLES * SUPERSAMPLES;
 
-/// The sample next to the pixels' centres. Layers that are no light are its, since their mean is no surface's.
+/// The sample next to the pixels' centres. Albedo, normal and depth are its: their mean would belong to no surface.
 const CENTRAL: u32 = (SUPERSAMPLES + 1) * (SUPERSAMPLES / 2);
 
 /// The sum of the pictures so far.

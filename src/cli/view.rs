@@ -338,7 +338,8 @@ impl View {
         if settings.light_shadows != level.light_shadows {
             flag("--shadow-map", light_shadows_word(settings.light_shadows));
         }
-        if settings.antialiasing != level.antialiasing {
+        // `render` supersamples at the highest level; a window does not.
+        if settings.antialiasing != level.antialiasing || self.quality() == Quality::Reference {
             flag("--aa", word(AntialiasingArg::of(settings.antialiasing)));
         }
         if settings.layers != level.layers {
@@ -373,6 +374,9 @@ impl View {
             anyhow!("{}", said.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned())
         })?;
         let Command::View(view) = cli.command else { bail!("needs flags of `lightskin view`") };
+        if view.drawing.antialiasing(view.quality()) == Antialiasing::Supersampled {
+            bail!("--aa 64 takes 64 pictures, which is too slow for a window: use --aa 8");
+        }
         Ok(Self {
             size: self.size,
             no_panels: self.no_panels,

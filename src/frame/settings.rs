@@ -314,7 +314,7 @@ impl Quality {
         }
     }
 
-    /// How edges are antialiased.
+    /// How edges are antialiased in one picture. `render` supersamples at `Reference`.
     pub fn antialiasing(self) -> Antialiasing {
         match self {
             Self::Low => Antialiasing::Off,

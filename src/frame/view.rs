@@ -34,8 +34,8 @@ impl View {
 
     /// The view through one of `SUPERSAMPLES`^2 points of every pixel, and a shift in columns and rows. `size`: of the
     /// picture that this view belongs to. A larger picture of the returned view, of `size_of_samples`, shows the point of
-    /// pixel `p` at pixel `p` + shift. Directions of rays follow patterns of at most 8 x 8 pixels; because of the shift,
-    /// each point of a pixel has others.
+    /// pixel `p` at pixel `p` + shift. Directions of rays follow patterns over pixels; because of the shift, points of a
+    /// pixel have different rays.
     pub fn sample(&self, number: u32, size: [u32; 2]) -> (Self, [u32; 2]) {
         let shift = [number % SUPERSAMPLES, number / SUPERSAMPLES % SUPERSAMPLES];
         let offset = shift.map(|i| (i as f32 + 0.5) / SUPERSAMPLES as f32 - 0.5);

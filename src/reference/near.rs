@@ -1,5 +1,5 @@
 //! Short rays from a point of a surface, in f64: their hits and the resulting light. Twin of `glsl/near_rays.comp`,
-//! `near_hits.comp` and `near.comp`.
+//! `near_hits.comp` (without its rays to the sky) and `near.comp`.
 //! METHOD 11.
 
 use super::brdf::Lobe;

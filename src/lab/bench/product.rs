@@ -36,14 +36,14 @@ const STAGES: [&str; 10] = [
 /// Angle by which the camera turns from one frame to the next \[rad\].
 const TURN: f64 = 0.002;
 
-/// Choices that are drawn in turn with frames of the level; all of them take memory at once.
+/// Choices drawn in turn with the level.
 const TOGETHER: usize = 3;
 
 /// A flag of `render`, and what it changes.
 type Choice = (&'static str, fn(&mut Settings));
 
 /// One choice at a time, most important first.
-const CHOICES: [Choice; 12] = [
+const CHOICES: [Choice; 11] = [
     ("--aa off", |settings| settings.antialiasing = Antialiasing::Off),
     ("--aa fast", |settings| settings.antialiasing = Antialiasing::Fast),
     ("--aa 4", |settings| settings.antialiasing = Antialiasing::Four),
@@ -55,7 +55,6 @@ const CHOICES: [Choice; 12] = [
     ("--shadows off", |settings| *of_gather(settings).1 = Shadows::Off),
     ("--shadow-map 2048", |settings| settings.light_shadows = LightShadows::Maps(2048)),
     ("--rsm 64", |settings| settings.rsm = 64),
-    ("--layers 0", |settings| settings.layers = 0),
 ];
 
 /// Bounces, shadows and short rays of the compute gather.
@@ -101,7 +100,7 @@ struct Drawn {
     /// Device memory \[bytes\] that light and picture take.
     bytes: u64,
     vals: usize,
-    /// Short rays of one frame, about normals and towards bright regions.
+    /// Short rays of one frame.
     rays: f64,
 }
 
@@ -116,10 +115,10 @@ impl Drawn {
 }
 
 impl Contexts<'_> {
-    /// The tables of levels, of choices at the default level, and of a translucent body.
+    /// The tables of levels, choices and a translucent body.
     ///
     /// # Errors
-    /// Fails if the device runs out of memory, lacks a feature, or is lost.
+    /// As `Contexts::views`.
     pub fn product(&mut self) -> Result<[Table; 3]> {
         let [w, h] = self.extent.size;
         let name = match self.extent.shown {
@@ -127,7 +126,7 @@ impl Contexts<'_> {
             Shown::Atrium => "built-in atrium",
         };
         let frames = format!(
-            "{w}x{h} pixels of the {name}, prepared as `lightskin render` does. \"frame\": everything is computed. \"camera\": only the \
+            "{w}x{h} pixels, prepared as `lightskin render` does. \"frame\": everything is computed. \"camera\": only the \
              camera has moved, as in a window; what does not depend on it is kept. GPU time, median of {} frames after {} that do \
              not count.",
             self.extent.shown_frames, self.extent.warm_up
@@ -140,19 +139,20 @@ impl Contexts<'_> {
             .collect();
         let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
         let how = format!(
-            "{frames} \"short rays\" per second of their stage, which also lights what they hit; those in glossy lobes are not counted. \
-             \"memory\" without the scene."
+            "The {name}, as a window draws it at each level. {frames} \"short rays\" per second of their stage, which also lights what \
+             they hit, at most: guided rays below the horizon count, rays in glossy lobes do not. \"memory\" without the scene."
         );
         let mut levels = Table::new("levels", "Quality levels", how, &columns);
         let how = format!(
-            "{frames} One flag differs from `--quality {}`. \"over\": relative to its frames without the flag, drawn in turn.",
+            "The {name}. {frames} One flag differs from `--quality {}`. \"over\": relative to its frames without the flag, drawn in turn.",
             word(self.extent.level)
         );
         let columns = ["flag", "frame [ms]", "over", "camera [ms]", "over (camera)", "memory [MiB]"];
         let mut choices = Table::new("choices", "Choices", how, &columns);
         let how = format!(
-            "{frames} The statue of the showpiece alone, as stone and filled with marble. Light inside it is carried by its caches \
-             (stages 9 and 10). Thesis: table 6.3, both lobes with and without subsurface scattering, 1000 caches, 65 536 VALs."
+            "The statue of the showpiece alone at `--quality {}`, as stone and filled with marble. {frames} Light inside it is carried by its caches \
+             (stages 9 and 10). Thesis: table 6.3, both lobes with and without subsurface scattering, 1000 caches, 65 536 VALs.",
+            word(self.extent.level)
         );
         let columns = [
             "body",
@@ -311,7 +311,7 @@ impl Contexts<'_> {
     }
 }
 
-/// Number of short rays about normals and towards bright regions.
+/// Number of short rays about normals, and of guided ones.
 fn rays(gpu: &Gpu, light: &Light, picture: &Picture) -> Result<f64> {
     let Near::Rays { per_pixel, .. } = light.plan.near else { return Ok(0.0) };
     let [width, height] = picture.size();
@@ -324,9 +324,10 @@ fn rays(gpu: &Gpu, light: &Light, picture: &Picture) -> Result<f64> {
     Ok(traced.count() as f64 * f64::from(per_pixel + per_pixel.div_ceil(4)))
 }
 
-/// Device memory in use \[bytes\].
+/// Device memory of light and pictures \[bytes\]; not of what belongs to the scene.
 fn bytes(gpu: &Gpu) -> u64 {
-    gpu.resources().iter().map(|resource| resource.bytes).sum()
+    let of_scene = |name: &str| ["scene.", "rays.", "deform."].iter().any(|start| name.starts_with(start));
+    gpu.resources().iter().filter(|resource| !of_scene(&resource.name)).map(|resource| resource.bytes).sum()
 }
 
 fn mib(bytes: u64) -> f64 {
