@@ -327,6 +327,17 @@ fn textures_are_means_over_points() {
         }
         squares.map(f64::sqrt)
     };
+    // A sample of many has its own share of the pixel: about that of the four points in its middle.
+    let middle = |i: u32| [27, 28, 35, 36].map(|sample| truth[truth_at(i, sample, size, many)]);
+    let off_middle = |antialiasing| {
+        let seen = images(size, antialiasing);
+        let inside = (0..size * size).filter(|i| of_pixel(*i).iter().all(|sample| sample[2] > 0.0));
+        let square = |i: u32| (seen[i as usize][0] - middle(i).iter().map(|s| s[0]).sum::<f32>() / 4.0).powi(2);
+        f64::from(inside.map(square).sum::<f32>()).sqrt()
+    };
+    let [own, whole] = [Antialiasing::Supersampled, Antialiasing::Off].map(off_middle);
+    println!("albedo of a sample: RMSE {:.3} of that with the whole pixel's", own / whole);
+    assert!(own < 0.3 * whole, "{own} {whole}");
     let [off, fast, four, eight] = KINDS.map(error);
     println!("albedo: RMSE relative to off {:.3} with the fast kind", fast[0] / off[0]);
     assert!(fast[0] < 0.5 * off[0], "{fast:?} {off:?}");

@@ -219,11 +219,11 @@ fn say_levels(gpu: &Gpu, world: &World, now: Quality) {
         let sides =
             world.lights().iter().map(|light| u64::from(light.views) * u64::from(light.rsm_size(quality.rsm())).pow(2));
         let vals = sides.sum::<u64>() + world.emitters.len() as u64;
-        too_many.extend((vals > most).then(|| name(quality)));
+        too_many.extend((vals > most).then(|| quality.name()));
         say!(
             "{} {:<10} {:>6} {:>5} {:>6} {:>11} {:>10} {:>8} {:>5}  {}",
             if quality == now { '*' } else { ' ' },
-            name(quality),
+            quality.name(),
             quality.caches(),
             quality.references(),
             vals,
@@ -241,16 +241,6 @@ fn say_levels(gpu: &Gpu, world: &World, now: Quality) {
     if !too_many.is_empty() {
         let device = &gpu.report().name;
         say!("  more VALs than {device} allows ({most}) at {}: lower --rsm or --quality", too_many.join(", "));
-    }
-}
-
-/// The value of `--quality` for a level.
-fn name(quality: Quality) -> &'static str {
-    match quality {
-        Quality::Low => "low",
-        Quality::Medium => "medium",
-        Quality::High => "high",
-        Quality::Reference => "reference",
     }
 }
 
@@ -291,7 +281,7 @@ fn measure_levels(args: &Info, gpu: &Gpu) -> Result<()> {
             *median = measured.get(measured.len() / 2).map_or("-".into(), |ms| format!("{ms:.1}"));
         }
         let (mib, [all, camera]) = (bytes as f64 / f64::from(1 << 20), times);
-        say!("  {:<10} {:>8} {mib:>14.1} {all:>12} {camera:>13}", name(quality), thousands(baked.count));
+        say!("  {:<10} {:>8} {mib:>14.1} {all:>12} {camera:>13}", quality.name(), thousands(baked.count));
     }
     Ok(())
 }

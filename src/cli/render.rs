@@ -343,7 +343,7 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
         }
         let mut sum = Supersampled::new(args.size);
         for sample in 0..samples {
-            let shown = if is_mean { sum.view(&view, sample).0 } else { view };
+            let (shown, shift) = if is_mean { view.sample(sample, args.size) } else { (view, [0; 2]) };
             // On software drivers each stage is submitted separately, because they attribute the times of chained passes
             // wrongly.
             let drawn = gpu.timed_frame(|cmd| {
@@ -357,7 +357,7 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
             runs.extend(gpu.finished_times()?);
             skipped.extend(light.skipped());
             if is_mean {
-                sum.add(&gpu, &picture, &view, sample)?;
+                sum.add(&gpu, &picture, &shown, shift)?;
                 bar.set_message(format!("{number}: {} of {samples}", sample + 1));
             }
             if count * samples as usize > 1 {

@@ -8,8 +8,8 @@ use lightskin::gpu::Gpu;
 /// Number of pictures whose mean is taken.
 pub(super) const SAMPLES: u32 = SUPERSAMPLES * SUPERSAMPLES;
 
-/// The sample next to the pixels' centres. Albedo, normal and depth are its: their mean would belong to no surface.
-const CENTRAL: u32 = (SUPERSAMPLES + 1) * (SUPERSAMPLES / 2);
+/// Shift of the sample next to the pixels' centres. Albedo, normal and depth are its: their mean would belong to no surface.
+const CENTRAL: [u32; 2] = [SUPERSAMPLES / 2; 2];
 
 /// The sum of the pictures so far.
 pub(super) struct Supersampled {
@@ -23,15 +23,9 @@ impl Supersampled {
         Self { size, sum: None }
     }
 
-    /// The view of a sample, and its pixels' shift.
-    pub(super) fn view(&self, view: &View, sample: u32) -> (View, [u32; 2]) {
-        view.sample(sample, self.size)
-    }
-
-    /// Reads the picture of the last frame and adds it.
-    pub(super) fn add(&mut self, gpu: &Gpu, picture: &Picture, view: &View, sample: u32) -> Result<()> {
-        let (of_sample, shift) = self.view(view, sample);
-        let mut new = Read::begin(gpu, picture, &of_sample, true)?()?.layers().cropped(shift, self.size);
+    /// Reads the picture of the last frame, of this sample's view and shift, and adds it.
+    pub(super) fn add(&mut self, gpu: &Gpu, picture: &Picture, view: &View, shift: [u32; 2]) -> Result<()> {
+        let mut new = Read::begin(gpu, picture, view, true)?()?.layers().cropped(shift, self.size);
         let Some(sum) = &mut self.sum else {
             self.sum = Some(new);
             return Ok(());
@@ -41,7 +35,7 @@ impl Supersampled {
             to.iter_mut().flatten().zip(from.iter().flatten()).for_each(|(to, from)| *to += from);
         }
         sum.covered.iter_mut().zip(&new.covered).for_each(|(to, from)| *to += from);
-        if sample == CENTRAL {
+        if shift == CENTRAL {
             (sum.albedo, sum.normal, sum.depth) = (new.albedo, new.normal, new.depth);
         }
         Ok(())

@@ -35,7 +35,14 @@ impl Loaded {
     /// Fails if a file cannot be read, or no caches can be placed on the scene.
     pub fn open(path: &Path, quality: Quality, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Self> {
         progress(0.0, "load");
-        let mut scene = gltf::load(path)?;
+        Self::of(gltf::load(path)?, quality, progress)
+    }
+
+    /// Prepares a scene at a quality level, as `open` does.
+    ///
+    /// # Errors
+    /// Fails if no caches can be placed on the scene.
+    pub fn of(mut scene: Scene, quality: Quality, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Self> {
         complete(&mut scene, Ground::Auto);
         let spacing = tessellate::expected_spacing(&scene, quality.caches());
         let at_vertices = tessellate::divide_if_few(&mut scene, spacing);

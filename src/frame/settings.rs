@@ -280,6 +280,16 @@ impl Quality {
     /// All levels, lowest first.
     pub const ALL: [Self; 4] = [Self::Low, Self::Medium, Self::High, Self::Reference];
 
+    /// The value of `--quality`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Low => "low",
+            Self::Medium => "medium",
+            Self::High => "high",
+            Self::Reference => "reference",
+        }
+    }
+
     /// Approximate number of caches in the whole scene.
     pub fn caches(self) -> usize {
         match self {

@@ -4,19 +4,18 @@ use super::contexts::Contexts;
 use super::extent::Shown;
 use super::measure::Budget;
 use super::table::{Cell, Table};
-use crate::bake::{self, BakeSettings, CacheSet, Density};
 use crate::error::Result;
+use crate::frame::engine::Loaded;
 use crate::frame::settings::{Caches, Gather};
 use crate::frame::{
-    Antialiasing, Indirect, Light, LightShadows, Look, Near, Picture, Quality, Settings, Shadows, View, World, record,
+    Antialiasing, Indirect, Light, LightShadows, Look, Near, Picture, Settings, Shadows, View, World, record,
 };
 use crate::gpu::{FrameTimes, Gpu};
 use crate::lab::eval::measure::medians;
 use crate::lab::plot::short;
 use crate::scene::build::{self, Fineness};
-use crate::scene::defaults::{Ground, complete};
 use crate::scene::medium::Subsurface;
-use crate::scene::{Camera, Scene, tessellate};
+use crate::scene::{Camera, Scene};
 use glam::DAffine3;
 
 /// Stages with a column of their own; the others are summed.
@@ -64,30 +63,6 @@ fn of_gather(settings: &mut Settings) -> (&mut u32, &mut Shadows, &mut Near) {
             (bounces, shadows, near)
         }
         _ => unreachable!("every level gathers by compute"),
-    }
-}
-
-/// The scene at a quality level, as `render` prepares it.
-struct Prepared {
-    scene: Scene,
-    caches: CacheSet,
-}
-
-impl Prepared {
-    fn new(mut scene: Scene, level: Quality) -> Result<Self> {
-        complete(&mut scene, Ground::Auto);
-        let spacing = tessellate::expected_spacing(&scene, level.caches());
-        let at_vertices = tessellate::divide_if_few(&mut scene, spacing);
-        let density = Density::Count(level.caches());
-        let settings = BakeSettings { density, angle: 60_f32.to_radians(), references: level.references() };
-        let caches = bake::bake(&scene, &settings, &|_, _| ())?;
-        let caches = if at_vertices { caches } else { caches.with_cells(&scene)? };
-        Ok(Self { scene, caches })
-    }
-
-    /// Number of caches of all instances.
-    fn count(&self) -> usize {
-        self.caches.instance_model.iter().map(|model| self.caches.models[*model].caches.len()).sum()
     }
 }
 
@@ -145,14 +120,14 @@ impl Contexts<'_> {
         let mut levels = Table::new("levels", "Quality levels", how, &columns);
         let how = format!(
             "The {name}. {frames} One flag differs from `--quality {}`. \"over\": relative to its frames without the flag, drawn in turn.",
-            word(self.extent.level)
+            self.extent.level.name()
         );
         let columns = ["flag", "frame [ms]", "over", "camera [ms]", "over (camera)", "memory [MiB]"];
         let mut choices = Table::new("choices", "Choices", how, &columns);
         let how = format!(
             "The statue of the showpiece alone at `--quality {}`, as stone and filled with marble. {frames} Light inside it is carried by its caches \
              (stages 9 and 10). Thesis: table 6.3, both lobes with and without subsurface scattering, 1000 caches, 65 536 VALs.",
-            word(self.extent.level)
+            self.extent.level.name()
         );
         let columns = [
             "body",
@@ -168,16 +143,16 @@ impl Contexts<'_> {
 
         let mut budget = Budget::new(3.0 * self.extent.budget);
         for level in self.extent.levels.clone() {
-            (self.progress)(0.0, &format!("--quality {}", word(level)));
+            (self.progress)(0.0, &format!("--quality {}", level.name()));
             if let Err(reason) = budget.begin(level.caches() as f64) {
-                levels.skipped.push(format!("--quality {}: {reason}.", word(level)));
+                levels.skipped.push(format!("--quality {}: {reason}.", level.name()));
                 continue;
             }
-            let prepared = Prepared::new(self.shown(), level)?;
-            let world = World::new(self.gpu, &prepared.scene, Some(&prepared.caches))?;
-            let settings = Settings::at(level, prepared.count()).with_ways(self.tuned.ways);
+            let prepared = Loaded::of(self.shown(), level, &|_, _| ())?;
+            let world = World::new(self.gpu, &prepared.scene, prepared.caches.as_ref())?;
+            let settings = prepared.settings(level).with_ways(self.tuned.ways);
             let drawn = self.frames_of(&prepared.scene, &world, &[settings])?.remove(0);
-            let mut row: Vec<Cell> = vec![word(level).into(), prepared.count().into(), drawn.vals.into()];
+            let mut row: Vec<Cell> = vec![level.name().into(), (world.cache_count as usize).into(), drawn.vals.into()];
             row.extend([drawn.frame(), drawn.camera].map(Cell::from));
             let of_stages = STAGES.map(|stage| drawn.stage(stage));
             row.extend(of_stages.map(Cell::from));
@@ -193,9 +168,9 @@ impl Contexts<'_> {
 
     fn choices(&mut self, table: &mut Table, budget: &mut Budget) -> Result<()> {
         let level = self.extent.level;
-        let made = Prepared::new(self.shown(), level)?;
-        let world = World::new(self.gpu, &made.scene, Some(&made.caches))?;
-        let usual = Settings::at(level, made.count()).with_ways(self.tuned.ways);
+        let made = Loaded::of(self.shown(), level, &|_, _| ())?;
+        let world = World::new(self.gpu, &made.scene, made.caches.as_ref())?;
+        let usual = made.settings(level).with_ways(self.tuned.ways);
         let changed = |change: fn(&mut Settings)| {
             let mut settings = usual;
             change(&mut settings);
@@ -243,12 +218,12 @@ impl Contexts<'_> {
                 let marble = Subsurface::preset("marble").expect("a known medium");
                 scene.materials.iter_mut().for_each(|material| material.fill(marble));
             }
-            let prepared = Prepared::new(scene, self.extent.level)?;
-            let world = World::new(self.gpu, &prepared.scene, Some(&prepared.caches))?;
-            let settings = Settings::at(self.extent.level, prepared.count()).with_ways(self.tuned.ways);
+            let prepared = Loaded::of(scene, self.extent.level, &|_, _| ())?;
+            let world = World::new(self.gpu, &prepared.scene, prepared.caches.as_ref())?;
+            let settings = prepared.settings(self.extent.level).with_ways(self.tuned.ways);
             let drawn = self.frames_of(&prepared.scene, &world, &[settings])?.remove(0);
             let unit = *stone.get_or_insert(drawn.frame());
-            let mut row: Vec<Cell> = vec![body.into(), prepared.count().into()];
+            let mut row: Vec<Cell> = vec![body.into(), (world.cache_count as usize).into()];
             row.extend([drawn.frame(), drawn.frame() / unit, drawn.camera].map(Cell::from));
             row.extend([drawn.stage("dipole gather"), drawn.stage("scatter"), thesis].map(Cell::from));
             table.push(row);
@@ -332,16 +307,6 @@ fn bytes(gpu: &Gpu) -> u64 {
 
 fn mib(bytes: u64) -> f64 {
     bytes as f64 / f64::from(1 << 20)
-}
-
-/// The value of `--quality`.
-fn word(level: Quality) -> &'static str {
-    match level {
-        Quality::Low => "low",
-        Quality::Medium => "medium",
-        Quality::High => "high",
-        Quality::Reference => "reference",
-    }
 }
 
 /// Summary sentences of the tables.
