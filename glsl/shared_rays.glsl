@@ -190,6 +190,7 @@ struct NearRaysPush {
     uint height;
     uint every; // distance between them, in columns and rows
     uint first_group; // of all workgroups of the picture; this dispatch's first
+    float turn; // of all directions about normals [rad]
 };
 
 // Push constants of the pass that lights what short rays hit.

@@ -86,7 +86,8 @@ fn everything_can_be_pressed() {
     let x = 64 + 135;
     app.slide([x, 220], 30, "--bounces");
     app.choose([x, 246], 1, "--shadows off");
-    app.tap([64 + 112, 272], "--near rays --near-rays 8");
+    app.choose([x, 272], 3, "--near endless --near-rays 8");
+    app.choose([x, 272], 2, "--near rays --near-rays 8");
     assert!(!app.command().contains("--near-every"), "the picture's size decides");
     app.slide([x, 298], -40, "--near-rays ");
     assert!(!app.command().contains("--near-rays 8"));

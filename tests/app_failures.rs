@@ -260,10 +260,7 @@ fn panels_have_any_size() {
     app.line("scene");
     app.resize(1000, 620);
     app.settle("--size 360x620");
-    app.tap([360 + 224, 544], "--near rays");
-    // Off again, because larger pictures take long with them.
-    app.tap([360 + 224, 544], "--size 360x620");
-    assert!(!app.command().contains("--near"));
+    app.slide([360 + 270, 440], -40, "--bounces");
     app.press_with("Control", "Minus");
     app.settle("--size 392x620");
     app.press_with("Control", "Plus");

@@ -118,7 +118,7 @@ fn brute_force_follows_another_upload() {
     app.choose([64 + 135, 799], 4, "");
     // It begins when there was no input for a while, and takes seconds.
     std::thread::sleep(Duration::from_millis(700));
-    app.tap([64 + 112, 272], "--near rays");
+    app.choose([64 + 135, 272], 2, "--near rays");
     assert!(app.line("errors").contains("brute force"));
     app.quit();
 }

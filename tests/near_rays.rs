@@ -14,15 +14,18 @@ use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, cornell, cuboid};
 use lightskin::shared::{NearPixel, Val};
 
-use crate::common::frames::{add, baked, drawn_of, phong, references_at, shoot, small};
+use crate::common::frames::{add, baked, drawn_turned, phong, references_at, shoot, small};
 use crate::common::{assert_clean, gpu};
 
 /// Rays about the normal of a pixel.
 const EACH: u32 = 8;
 
-fn knobs(size: [u32; 2], every: u32) -> Knobs {
-    let near = Near::Rays { per_pixel: EACH, every };
+fn knobs(size: [u32; 2], near: Near) -> Knobs {
     Knobs { size, near, shadows: Shadows::PerLight, rsm: 96, light_shadows: LightShadows::Maps(1024), ..small() }
+}
+
+fn short(every: u32) -> Near {
+    Near::Rays { per_pixel: EACH, every }
 }
 
 /// What a picture's rays have found, and what caches know of far light.
@@ -34,10 +37,13 @@ struct Traced {
     /// The caches as VALs, if there are several bounces.
     vals: Vec<Val>,
     caches: Vec<gather::Cache>,
+    /// Length of the rays \[m\], and the angle by which they are turned about normals \[rad\].
+    reach_and_turn: [f64; 2],
 }
 
-fn traced(gpu: &Gpu, scene: &Scene, world: &World, caches: &CacheSet, knobs: &Knobs) -> Traced {
-    let frame = drawn_of(gpu, scene, world, knobs);
+fn traced(gpu: &Gpu, scene: &Scene, world: &World, caches: &CacheSet, knobs: &Knobs, turn: f32) -> Traced {
+    let frame = drawn_turned(gpu, scene, world, knobs, turn);
+    let reach = if matches!(knobs.near, Near::Endless { .. }) { f64::INFINITY } else { caches.spacing };
     let near = frame.picture.near.as_ref().expect("rays");
     let light = &frame.light.caches().expect("caches").gather;
     let vals = if knobs.bounces > 1 {
@@ -52,6 +58,7 @@ fn traced(gpu: &Gpu, scene: &Scene, world: &World, caches: &CacheSet, knobs: &Kn
         guides: gpu.read(light.guides().expect("directions")).expect("read"),
         vals,
         caches: shoot(gpu, scene, Some(caches), &Knobs { size: [8, 8], ..*knobs }).caches,
+        reach_and_turn: [reach, f64::from(turn)],
     }
 }
 
@@ -88,7 +95,7 @@ fn in_f64(
     let sum: f64 = sorted.iter().map(|cache| around.weight(&surface, *cache)).sum();
     let about: Vec<_> = sorted.iter().map(|cache| (*cache, around.weight(&surface, *cache) / sum)).collect();
     let far = FarLight { radiances: &traced.radiances, guides: &traced.guides };
-    let rays = far.rays(&about, [normal; 2], (EACH, place), caches.spacing);
+    let rays = far.rays(&about, [normal; 2], (EACH, place), traced.reach_and_turn);
     let mut found = Found { rays: rays.len() as u32, guided: rays.len() as u32 - EACH, ..Found::default() };
     for (number, ray) in (0..).zip(rays) {
         // All surfaces are flat. Positions are rounded, so rays start slightly above the surface.
@@ -114,8 +121,11 @@ fn rays_find_what_f64_finds() {
     let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
     let placed = Placed::new(&scene);
     // The rays of the second picture are traced in two parts; the second part begins within the rows that are compared.
-    for (size, every, first_row) in [([96, 64], 2, 0), ([448, 288], 1, 224)] {
-        let traced = traced(&gpu, &scene, &world, &caches, &knobs(size, every));
+    // The rays of the third are endless and turned.
+    let third = Near::Endless { per_pixel: EACH, every: 2 };
+    let pictures = [([96, 64], short(2), 0, 0.0), ([448, 288], short(1), 224, 0.0), ([96, 64], third, 0, 0.7)];
+    for (size, near, first_row, turn) in pictures {
+        let traced = traced(&gpu, &scene, &world, &caches, &knobs(size, near), turn);
         let around = Around { world: &placed, caches: &traced.caches, reach: caches.spacing, lift: 0.0 };
         let [mut rays, mut guided, mut endless, mut closed, mut differ] = [0; 5];
         let (mut off, mut sum) = ([0.0; 3], [0.0; 3]);
@@ -135,7 +145,7 @@ fn rays_find_what_f64_finds() {
                 sum[k] += wanted.length();
             }
         }
-        let off = [0, 1, 2].map(|k| off[k] / sum[k]);
+        let off = [0, 1, 2].map(|k| off[k] / f64::max(sum[k], 1e-30));
         println!(
             "{rays} rays, {guided} guided, {endless} endless, {closed} hit a surface, {differ} differ; relative error of \
              irradiance from hits {:.5}, from far surfaces by open rays {:.5}, by all {:.5}",
@@ -143,6 +153,7 @@ fn rays_find_what_f64_finds() {
         );
         assert!(rays > 8000 && closed * 8 > rays - guided, "{closed} of {rays} rays hit a surface");
         assert!(guided * 7 > rays && endless * 50 > rays, "{guided} of {rays} rays are guided, {endless} endless");
+        assert_eq!(near == third, endless == rays, "{endless} of {rays} rays are endless");
         assert!(differ * 500 < rays, "{differ} of {rays} rays differ");
         assert!(off.iter().all(|off| *off < 0.005), "{off:?}");
     }
@@ -160,7 +171,7 @@ fn hits_send_on_the_light_of_caches_that_they_see() {
     }
     let caches = baked(&scene, 0.4, 8);
     let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-    let traced = traced(&gpu, &scene, &world, &caches, &Knobs { bounces: 2, ..knobs([96, 64], 2) });
+    let traced = traced(&gpu, &scene, &world, &caches, &Knobs { bounces: 2, ..knobs([96, 64], short(2)) }, 0.0);
     let placed = Placed::new(&scene);
     let spacing = caches.spacing;
     let around = Around { world: &placed, caches: &traced.caches, reach: spacing, lift: SEEN_LIFT * spacing };

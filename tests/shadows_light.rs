@@ -11,7 +11,7 @@ use lightskin::lab::eval::sweep::Point;
 use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::lab::scenes::Shadowed;
 use lightskin::lab::shadows::errors;
-use lightskin::reference::depth_image::{DepthImage, Plate, Rule, gather_seen};
+use lightskin::reference::depth_image::{DepthImage, Plate, gather_seen};
 use lightskin::reference::gather::{Cache, ProxyWeight, gather};
 use lightskin::reference::occlude::Disc;
 use lightskin::reference::path_trace::PathTraceSettings;
@@ -92,7 +92,7 @@ fn depth_images_are_the_references() {
     assert_eq!(count, plates.len());
     let (mut filled, mut differ) = (0, 0);
     for (slot, own) in list[..count].iter().enumerate() {
-        let twin = DepthImage::new(&cache(&plates[*own as usize]), &plates, &Rule::default());
+        let twin = DepthImage::new(&cache(&plates[*own as usize]), &plates);
         let image = &images[slot * DEPTH_IMAGE_TEXELS as usize..][..DEPTH_IMAGE_TEXELS as usize];
         for (texel, end) in image.iter().zip(&twin.ends) {
             filled += usize::from(*end > 0.0);
@@ -126,7 +126,7 @@ fn two_sides_of_one_thing_do_not_shadow_each_other() {
     let plate = Plate { disc: front, middle: DVec3::new(0.0, 0.0, -0.7), axis: DVec3::X * 0.9, breadth: 0.9 };
     let ends = |position: DVec3, normal: DVec3| {
         let cache = Cache { position, normal, exponent: 1.0 };
-        DepthImage::new(&cache, &[plate], &Rule::default()).ends.iter().filter(|end| **end > 0.0).count()
+        DepthImage::new(&cache, &[plate]).ends.iter().filter(|end| **end > 0.0).count()
     };
     assert_eq!(ends(DVec3::new(0.1, 0.0, -0.3), DVec3::NEG_Z), 0, "the front must not shadow the back's cache");
     // Caches in front of the front, and caches that see it, belong to other objects.
@@ -145,15 +145,14 @@ fn shadowed_sums_are_the_references() {
     for (caches_per_thread, split, rsm, together) in ways {
         let ways = Ways { caches_per_thread, split, ..Ways::default() };
         let settings = Knobs { ways, rsm, ..shadowed() };
-        let rule = Rule { together, ..Rule::default() };
         let shot = shoot(&gpu, &scene, Some(&caches), &settings);
         let eye = scene.cameras[0].world_from_camera.translation;
         let vals: Vec<Val> = shot.vals.iter().copied().filter(|val| *val != Val::NOTHING).collect();
         let (mut error, mut total, mut hidden) = (0.0, 0.0, 0.0);
         for ((own, found), plate) in shot.caches.iter().zip(&shot.proxies).zip(&plates) {
-            let image = DepthImage::new(&cache(plate), &plates, &rule);
+            let image = DepthImage::new(&cache(plate), &plates);
             let weight = ProxyWeight::Irradiance;
-            let twin = gather_seen(own, &image, &vals, Some(eye), weight, &rule).diffuse.facing_irradiance;
+            let twin = gather_seen(own, &image, &vals, Some(eye), weight, together).diffuse.facing_irradiance;
             let open = gather(own, &vals, Some(eye), weight).diffuse.facing_irradiance;
             error += (found.diffuse.facing_irradiance - twin).abs().element_sum();
             total += twin.element_sum();

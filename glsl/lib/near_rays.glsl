@@ -1,5 +1,5 @@
 // Pixels with short rays: the surface that each shows, and the slots of its rays. METHOD 11. The including shader has
-// lib/hit.glsl. Uses bindings 13 to 15, 17 to 23 and 35, with GLOSSY 24 and 25, and with SKY 28; constants 4 to 6.
+// lib/hit.glsl. Uses bindings 13 to 15, 17 to 23 and 35, with GLOSSY 24 and 25, and with SKY 28; constants 4 to 7.
 #ifndef NEAR_RAYS_GLSL
 #define NEAR_RAYS_GLSL
 #include "lib/triangle.glsl"
@@ -14,6 +14,7 @@
 layout(constant_id = 4) const uint RAYS = 8; // per pixel about its normal
 layout(constant_id = 5) const uint REFERENCES = 8;
 layout(constant_id = 6) const uint BY_CELLS = 0; // 1: references are stored per cell
+layout(constant_id = 7) const uint ENDLESS = 0; // 1: all rays go on to the first surface, whatever caches know
 layout(push_constant, scalar) uniform Push { NearRaysPush push; };
 layout(binding = 13) uniform usampler2D element_image;
 layout(binding = 14, scalar) readonly buffer Draws { DrawRecord draws[]; };
@@ -70,6 +71,8 @@ uint ray_slot(uint i) {
 // A ray's direction about the vertex normal `n`.
 vec3 direction_about(vec3 n, uint i, uint subset) {
     vec3 local = directions[i * ALL + subset];
+    vec2 turned = vec2(cos(push.turn), sin(push.turn));
+    local.xy = mat2(turned, vec2(-turned.y, turned.x)) * local.xy;
     vec3 tangent, bitangent;
     tangents(n, tangent, bitangent);
     return tangent * local.x + bitangent * local.y + n * local.z;
@@ -152,7 +155,7 @@ NearLobe lobe_shown(NearSurface s) {
 // What caches know of far surfaces in a direction.
 struct FarLight {
     vec3 radiance; // [cd/m^2]
-    bool unsure; // whether the caches disagree
+    bool unsure; // whether the caches disagree, or count for nothing
     float guided; // density of a guided ray [1/sr]
 };
 
@@ -172,7 +175,7 @@ FarLight far_light(uvec3 at, vec3 w, vec3 direction) {
             least = min(least, uintBitsToFloat(guide & ~0xffu));
         }
     }
-    far.unsure = least < AGREE * most;
+    far.unsure = ENDLESS == 1u || least < AGREE * most;
     far.guided *= directions_per_solid_angle(direction) / float(GUIDES);
     return far;
 }

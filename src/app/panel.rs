@@ -340,16 +340,20 @@ impl State {
                     cost(document, &["depth images", "occlude"])
                 );
                 row(ui, "GI shadows", &help, |ui| choose(ui, "shadows", shadows, &kinds));
-                let mut rays = *near != Near::Off;
                 let help = format!(
                     "Short rays find light and occlusion from surfaces within one cache spacing, such as contact shadows and \
-                     corners. The cost grows with the number of pixels.{}",
+                     corners. Endless rays find all light of the first surface; caches then give only further bounces. The \
+                     cost grows with the number of pixels.{}",
                     cost(document, &["near rays"])
                 );
-                if row(ui, "Short rays", &help, |ui| ui.checkbox(&mut rays, "from pixels")).changed() {
-                    *near = if rays { Quality::High.near() } else { Near::Off };
-                }
-                if let Near::Rays { per_pixel, every } = near {
+                let [per_pixel, every] = near.rays().or(Quality::High.near().rays()).unwrap_or_default();
+                let kinds = [
+                    (Near::Off, "off"),
+                    (Near::Rays { per_pixel, every }, "short"),
+                    (Near::Endless { per_pixel, every }, "endless"),
+                ];
+                row(ui, "Rays", &help, |ui| choose(ui, "near", near, &kinds));
+                if let Near::Rays { per_pixel, every } | Near::Endless { per_pixel, every } = near {
                     let help =
                         "Rays per traced pixel. 16 neighbouring pixels share their rays. The time grows in proportion.";
                     row(ui, "  per pixel", help, |ui| ui.add(Slider::new(per_pixel, 1..=32)));

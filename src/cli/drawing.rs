@@ -148,17 +148,18 @@ impl DrawingArgs {
         let near = match self.near {
             _ if self.gi != GiArg::Lightskin || self.gather.by_clusters() || self.gather.by_draws() => Near::Off,
             Some(NearArg::Off) => Near::Off,
-            Some(NearArg::Rays) if level.near() == Near::Off => Quality::High.near(),
-            Some(NearArg::Rays) | None => level.near(),
+            Some(_) if level.near() == Near::Off => Quality::High.near(),
+            _ => level.near(),
         };
-        match near {
-            Near::Off => Near::Off,
-            Near::Rays { per_pixel, every } => {
-                // Points of a pixel have different rays.
-                let is_mean = self.antialiasing(level) == Antialiasing::Supersampled;
-                let usual = if is_mean { per_pixel.min(RAYS_OF_A_SAMPLE) } else { per_pixel };
-                Near::Rays { per_pixel: self.near_rays.unwrap_or(usual), every: self.near_every.unwrap_or(every) }
-            }
+        let Some([per_pixel, every]) = near.rays() else { return Near::Off };
+        // Points of a pixel have different rays.
+        let is_mean = self.antialiasing(level) == Antialiasing::Supersampled;
+        let usual = if is_mean { per_pixel.min(RAYS_OF_A_SAMPLE) } else { per_pixel };
+        let (per_pixel, every) = (self.near_rays.unwrap_or(usual), self.near_every.unwrap_or(every));
+        match self.near.unwrap_or(NearArg::of(near)) {
+            NearArg::Off => Near::Off,
+            NearArg::Rays => Near::Rays { per_pixel, every },
+            NearArg::Endless => Near::Endless { per_pixel, every },
         }
     }
 
@@ -197,6 +198,7 @@ impl DrawingArgs {
             ("cluster", json!(self.gather.cluster.cluster)),
             ("cluster_error", json!(self.gather.cluster.cluster_error)),
             ("cull", json!(caches.is_some_and(|caches| caches.cull))),
+            ("near", word(NearArg::of(gather.map_or(Near::Off, |gather| gather.near()))).into()),
             ("near_rays", json!(gather.map(|gather| gather.near().per_pixel()))),
             ("near_every", json!(gather.map(|gather| gather.near().every(size)))),
             ("shadows", json!(ShadowsArg::of(gather.map_or(Shadows::Off, |gather| gather.shadows())))),

@@ -237,7 +237,9 @@ fn say_levels(gpu: &Gpu, world: &World, now: Quality) {
             ShadowsArg::of(quality.shadows(quality.caches(), quality.near()))
         );
     }
-    say!("  lightskin render at --quality reference averages 64 pictures with 4 short rays per pixel each: --aa 64");
+    say!(
+        "  Near rays at --quality reference are endless. lightskin render averages 64 pictures there, with 4 rays per pixel each."
+    );
     if !too_many.is_empty() {
         let device = &gpu.report().name;
         say!("  more VALs than {device} allows ({most}) at {}: lower --rsm or --quality", too_many.join(", "));

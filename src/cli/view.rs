@@ -4,7 +4,7 @@ use super::camera::camera;
 use super::drawing::DrawingArgs;
 use super::picture::{Read, TonemapArg, Writing};
 use super::sky::SkyArgs;
-use super::words::{AntialiasingArg, GiArg, ShadowsArg, light_shadows_word};
+use super::words::{AntialiasingArg, GiArg, NearArg, ShadowsArg, light_shadows_word};
 use super::{CacheArgs, Command, DeviceArgs, QualityArg, called, divide_for, load_under, word, wrong_usage};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::ValueEnum;
@@ -12,7 +12,7 @@ use lightskin::frame::View as FrameView;
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::settings::Ways;
 use lightskin::frame::{
-    Antialiasing, ClusterRule, Exposure, Interpolation, Look, Near, Picture, Quality, Settings, Shadows, Tonemap,
+    Antialiasing, ClusterRule, Exposure, Interpolation, Look, Picture, Quality, Settings, Shadows, Tonemap,
 };
 use lightskin::gpu::{Gpu, Present};
 use lightskin::scene::defaults::Ground;
@@ -304,8 +304,8 @@ impl View {
                     flag("--bounces", bounces.to_string());
                 }
                 if near != usual.near() {
-                    flag("--near", if near == Near::Off { "off".into() } else { "rays".into() });
-                    if let Near::Rays { per_pixel, every } = near {
+                    flag("--near", word(NearArg::of(near)));
+                    if let Some([per_pixel, every]) = near.rays() {
                         flag("--near-rays", per_pixel.to_string());
                         if every > 0 {
                             flag("--near-every", every.to_string());

@@ -1,7 +1,7 @@
 //! Values of the flags of `render`.
 
 use clap::ValueEnum;
-use lightskin::frame::{Antialiasing, LightShadows, Shadows};
+use lightskin::frame::{Antialiasing, LightShadows, Near, Shadows};
 
 #[derive(Clone, Copy, Default, PartialEq, ValueEnum)]
 pub(super) enum GiArg {
@@ -102,12 +102,25 @@ pub(super) enum ProxyWeightArg {
     FormFactor,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
 pub(super) enum NearArg {
     /// No rays: nearby light comes from the caches, like all other indirect light.
     Off,
     /// Short rays traced at pixels.
     Rays,
+    /// Rays from pixels go on to the first surface. More accurate and slower; caches give the light of further bounces.
+    Endless,
+}
+
+impl NearArg {
+    /// The value of `--near` for this setting.
+    pub(super) fn of(near: Near) -> Self {
+        match near {
+            Near::Off => Self::Off,
+            Near::Rays { .. } => Self::Rays,
+            Near::Endless { .. } => Self::Endless,
+        }
+    }
 }
 
 #[derive(Clone, Copy, ValueEnum)]

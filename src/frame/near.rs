@@ -128,7 +128,8 @@ impl NearRays {
         let [stack, levels, texels, holes] = rays.constants(gpu);
         let by_cells = u32::from(world.references_of_pixels().is_some());
         let (references, lit) = (world.references_each as u32, plan.bounces > 0);
-        let constants = [stack, levels, texels, holes, per_pixel, references, by_cells];
+        let endless = u32::from(matches!(near, Near::Endless { .. }));
+        let constants = [stack, levels, texels, holes, per_pixel, references, by_cells, endless];
         let sky = 2 * usize::from(plan.sky_light);
         let slots = per_pixel + guided(per_pixel) + if plan.glossy { LOBE_RAYS } else { 0 };
         let names = if plan.glossy {
@@ -217,6 +218,7 @@ impl NearRays {
                     height,
                     every: out.every,
                     first_group,
+                    turn: view.turn,
                 };
                 if !first {
                     // The part before has been read.

@@ -208,6 +208,13 @@ pub enum Near {
         /// Distance in columns and rows between traced pixels. 0: 2, but 1 in pictures below `SMALL_PICTURE`.
         every: u32,
     },
+    /// As `Rays`, but they go on to the first surface. Caches give only the light of further bounces.
+    Endless {
+        /// Rays per traced pixel, 1 to 32.
+        per_pixel: u32,
+        /// Distance in columns and rows between traced pixels, as in `Rays`.
+        every: u32,
+    },
 }
 
 /// Number of pixels below which a picture is small: there rays at every pixel cost little, and light that a few of them
@@ -357,7 +364,7 @@ impl Quality {
         match self {
             Self::Low | Self::Medium => Near::Off,
             Self::High => Near::Rays { per_pixel: 8, every: 0 },
-            Self::Reference => Near::Rays { per_pixel: 32, every: 1 },
+            Self::Reference => Near::Endless { per_pixel: 32, every: 1 },
         }
     }
 
@@ -453,17 +460,25 @@ impl Antialiasing {
 }
 
 impl Near {
+    /// Rays per traced pixel, and the distance between traced pixels, as set. `None` without rays.
+    pub fn rays(self) -> Option<[u32; 2]> {
+        match self {
+            Self::Off => None,
+            Self::Rays { per_pixel, every } | Self::Endless { per_pixel, every } => Some([per_pixel, every]),
+        }
+    }
+
     /// Rays per traced pixel.
     pub fn per_pixel(self) -> u32 {
-        if let Self::Rays { per_pixel, .. } = self { per_pixel.clamp(1, 32) } else { 0 }
+        self.rays().map_or(0, |[per_pixel, _]| per_pixel.clamp(1, 32))
     }
 
     /// Distance in columns and rows between traced pixels of a picture.
     pub fn every(self, [width, height]: [u32; 2]) -> u32 {
-        match self {
-            Self::Rays { every: 0, .. } if width * height >= SMALL_PICTURE => 2,
-            Self::Rays { every, .. } => every.max(1),
-            Self::Off => 1,
+        match self.rays() {
+            Some([_, 0]) if width * height >= SMALL_PICTURE => 2,
+            Some([_, every]) => every.max(1),
+            None => 1,
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::settings::SUPERSAMPLES;
 use crate::scene::{Camera, Projection};
 use glam::{DAffine3, DMat4, DVec3, DVec4, Mat4, Vec2, Vec4};
+use std::f32::consts::TAU;
 
 /// Matrices of one camera for one picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +17,8 @@ pub struct View {
     /// Plane through the camera. Its dot product with a world position and 1 is the distance in front of the camera
     /// \[m\].
     pub plane: Vec4,
+    /// Angle by which the pattern of short rays is turned about normals \[rad\].
+    pub turn: f32,
 }
 
 impl View {
@@ -34,8 +37,8 @@ impl View {
 
     /// The view through one of `SUPERSAMPLES`^2 points of every pixel, and a shift in columns and rows. `size`: of the
     /// picture that this view belongs to. A larger picture of the returned view, of `size_of_samples`, shows the point of
-    /// pixel `p` at pixel `p` + shift. Directions of rays follow patterns over pixels; because of the shift, points of a
-    /// pixel have different rays.
+    /// pixel `p` at pixel `p` + shift. Directions of rays follow patterns over pixels. Each view turns them by another angle;
+    /// because of the shift, other directions also differ between points of a pixel.
     pub fn sample(&self, number: u32, size: [u32; 2]) -> (Self, [u32; 2]) {
         let shift = [number % SUPERSAMPLES, number / SUPERSAMPLES % SUPERSAMPLES];
         let offset = shift.map(|i| (i as f32 + 0.5) / SUPERSAMPLES as f32 - 0.5);
@@ -47,6 +50,7 @@ impl View {
         let view = Self {
             clip_from_world: window(scale, by) * self.clip_from_world,
             world_from_clip: self.world_from_clip * window(1.0 / scale, -by / scale),
+            turn: TAU * number as f32 / SUPERSAMPLES.pow(2) as f32,
             ..*self
         };
         (view, shift)
@@ -93,6 +97,7 @@ impl View {
             world_from_clip: clip_from_world.inverse().as_mat4(),
             eye,
             plane,
+            turn: 0.0,
         }
     }
 }

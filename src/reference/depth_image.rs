@@ -28,43 +28,16 @@ pub struct Plate {
     pub breadth: f64,
 }
 
-/// Shape drawn for a cache.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Shape {
-    /// A disc about the cache; radius relative to that of the circle of its area.
-    Disc(f64),
-    /// The ellipse with its rectangle's variances, scaled by this factor.
-    Ellipse(f64),
-    /// Its rectangle, scaled by this factor.
-    Rectangle(f64),
-}
+/// Side of a drawn image \[texels\].
+const SIDE: usize = 24;
 
-/// How occluders are drawn. Lengths are in radii of the circle of a share's area.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rule {
-    /// Side of an image \[texels\].
-    pub side: usize,
-    /// Shape of occluders.
-    pub shape: Shape,
-    /// Distance behind an occluder within which points are still visible: surfaces are not flat.
-    pub margin: f64,
-    /// Smallest distance of a cache from an occluder's plane; nearer caches are neighbours on its surface. At least one
-    /// of the two caches must also lie this far in front of the other's plane.
-    pub plane: f64,
-    /// Whether occluders also block from behind.
-    pub two_sided: bool,
-    /// Share of an occluder's slope within a texel by which it is moved away; at 1 no point of a plane hides another.
-    pub slope: f64,
-    /// Consecutive VALs that share the visibility of the first.
-    pub together: usize,
-}
+/// Distance behind an occluder within which points are still visible: surfaces are not flat. \[radii of the circle of a
+/// share's area\]
+const MARGIN: f64 = 2.0;
 
-impl Default for Rule {
-    fn default() -> Self {
-        let shape = Shape::Rectangle(1.0);
-        Self { side: 24, shape, margin: 2.0, plane: 0.15, two_sided: true, slope: 1.0, together: 4 }
-    }
-}
+/// Smallest distance of a cache from an occluder's plane; nearer caches are neighbours on its surface. At least one of the
+/// two caches must also lie this far in front of the other's plane. \[as MARGIN\]
+const PLANE: f64 = 0.15;
 
 /// An occluder as a cache sees it.
 struct VisibleRectangle {
@@ -76,29 +49,23 @@ struct VisibleRectangle {
     height: f64,
     /// Duals of the half axes: coordinates are below 1 inside.
     duals: [DVec3; 2],
-    is_round: bool,
     /// Radius of the circle of the share's area \[m\].
     share: f64,
 }
 
 impl VisibleRectangle {
     /// `None` if the occluder cannot block anything.
-    fn new(cache: &Cache, plate: &Plate, rule: &Rule) -> Option<Self> {
+    fn new(cache: &Cache, plate: &Plate) -> Option<Self> {
         let Plate { disc, middle, axis, breadth } = *plate;
         let share = (disc.area / PI).sqrt();
         let along = axis.normalize_or_zero();
         let axes = [axis, disc.normal.cross(along) * breadth];
-        let (middle, axes) = match rule.shape {
-            Shape::Disc(radius) => (disc.position, tangents(disc.normal).map(|t| t * radius * share)),
-            Shape::Ellipse(size) => (middle, axes.map(|a| a * size * 2.0 / 3_f64.sqrt())),
-            Shape::Rectangle(size) => (middle, axes.map(|a| a * size)),
-        };
         let offset = middle - cache.position;
         let height = offset.dot(disc.normal);
         // Two sides of one body: neither cache lies in front of the other, so their rectangles do not occlude.
         let other = disc.position - cache.position;
-        let is_behind = -other.dot(disc.normal) < rule.plane * share && other.dot(cache.normal) <= rule.plane * share;
-        let is_away = height.abs() > rule.plane * share && !is_behind && (rule.two_sided || height < 0.0);
+        let is_behind = -other.dot(disc.normal) < PLANE * share && other.dot(cache.normal) <= PLANE * share;
+        let is_away = height.abs() > PLANE * share && !is_behind;
         let highest = offset.dot(cache.normal) + axes.iter().map(|a| a.dot(cache.normal).abs()).sum::<f64>();
         let has_area = axes.iter().all(|a| a.length_squared() > 0.0);
         (is_away && highest > 0.0 && has_area).then(|| Self {
@@ -106,7 +73,6 @@ impl VisibleRectangle {
             normal: disc.normal * height.signum(),
             height: height.abs(),
             duals: axes.map(|a| a / a.length_squared()),
-            is_round: !matches!(rule.shape, Shape::Rectangle(_)),
             share,
         })
     }
@@ -115,7 +81,7 @@ impl VisibleRectangle {
     fn is_met(&self, direction: DVec3, along: f64) -> bool {
         let place = direction * (self.height / along) - self.offset;
         let [a, b] = self.duals.map(|dual| place.dot(dual).abs());
-        along > 0.0 && if self.is_round { a * a + b * b < 1.0 } else { a.max(b) < 1.0 }
+        along > 0.0 && a.max(b) < 1.0
     }
 }
 
@@ -127,7 +93,6 @@ const LEAST_Z: f64 = 0.2;
 pub struct DepthImage {
     position: DVec3,
     tangents: [DVec3; 2],
-    side: usize,
     /// Reciprocal of the distance at which the view ends [1/m], row by row; 0 if unobstructed.
     pub ends: Vec<f64>,
 }
@@ -142,13 +107,13 @@ pub fn tangents(n: DVec3) -> [DVec3; 2] {
 
 impl DepthImage {
     /// Draws the occluders of all caches.
-    pub fn new(cache: &Cache, plates: &[Plate], rule: &Rule) -> Self {
+    pub fn new(cache: &Cache, plates: &[Plate]) -> Self {
         let tangents = tangents(cache.normal);
-        let side = rule.side;
+        let side = SIDE;
         let mut ends = vec![0.0; side * side];
         // Skip occluders that cannot block once, not per texel.
         let seen: Vec<VisibleRectangle> =
-            plates.iter().filter_map(|plate| VisibleRectangle::new(cache, plate, rule)).collect();
+            plates.iter().filter_map(|plate| VisibleRectangle::new(cache, plate)).collect();
         for (index, end) in ends.iter_mut().enumerate() {
             let step = 2.0 / side as f64;
             let [x, y] = [index % side, index / side].map(|i| (i as f64 + 0.5) * step - 1.0);
@@ -171,19 +136,19 @@ impl DepthImage {
                     let w = tangent - cache.normal * (place / z.max(LEAST_Z));
                     (0.5 * step * normal.dot(w)).abs()
                 };
-                let least = along - rule.slope * (change(tangents[0], x) + change(tangents[1], y));
+                let least = along - change(tangents[0], x) - change(tangents[1], y);
                 if least > 0.0 {
-                    *end = f64::max(*end, 1.0 / (height / least + rule.margin * share));
+                    *end = f64::max(*end, 1.0 / (height / least + MARGIN * share));
                 }
             }
         }
-        Self { position: cache.position, tangents, side, ends }
+        Self { position: cache.position, tangents, ends }
     }
 
     /// Whether the cache sees a point above its horizon \[m\].
     pub fn sees(&self, point: DVec3) -> bool {
         let offset = point - self.position;
-        self.ends[texel(self.tangents, self.side, offset)] * offset.length() <= 1.0
+        self.ends[texel(self.tangents, SIDE, offset)] * offset.length() <= 1.0
     }
 
     /// Whether the cache sees the one of these VALs that would light it most.
@@ -268,17 +233,17 @@ impl TracedImage {
 }
 
 /// [`super::gather::gather`] without the VALs that the cache does not see. `vals` must be the lit VALs in the device's
-/// order, so that the same ones share a visibility test.
+/// order: `together` consecutive ones share the visibility of the one that lights the cache most.
 pub fn gather_seen(
     cache: &Cache,
     image: &DepthImage,
     vals: &[Val],
     eye: Option<DVec3>,
     weight: ProxyWeight,
-    rule: &Rule,
+    together: usize,
 ) -> Gathered {
     let mirrored = eye.map(|eye| mirrored_view(cache.position, cache.normal, eye));
-    let seen = vals.chunks(rule.together).flat_map(|vals| {
+    let seen = vals.chunks(together).flat_map(|vals| {
         let seen = image.sees_most_lit(cache, vals);
         vals.iter().filter(move |_| seen)
     });

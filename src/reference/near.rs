@@ -8,7 +8,7 @@ use super::light::facing_irradiance;
 use super::world::{Sides, Surface, World};
 use crate::scene::{Light, LightKind, luminance, material};
 use crate::shared::{DIRECTION_SIDE, DIRECTIONS, GUIDE_WORDS, GUIDES, NEAR_SIDE, NO_DIRECTION, Val};
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::PI;
 
 /// Point `i` of `count` directions about +z with cosine density.
@@ -188,21 +188,22 @@ impl FarLight<'_> {
     }
 
     /// Rays of a point with the two unit `normals` of its triangle and its vertices: `each` about the vertex normal, and a
-    /// quarter as many guided ones. `x` and `y` are the column and row of its pixel. `caches` about the point have these
-    /// weights, which sum to 1, the greatest first.
+    /// quarter as many guided ones. `x` and `y` are the column and row of its pixel. Rays about the normal are turned about
+    /// it by `turn` \[rad\]. `caches` about the point have these weights, which sum to 1, the greatest first. If `reach`
+    /// \[m\] is infinite, the caches' light counts for nothing.
     pub fn rays(
         &self,
         caches: &[(usize, f64)],
         [geometric, normal]: [DVec3; 2],
         (each, [x, y]): (u32, [u32; 2]),
-        reach: f64,
+        [reach, turn]: [f64; 2],
     ) -> Vec<NearRay> {
         const SQUARE: u32 = NEAR_SIDE * NEAR_SIDE;
         let (guided, square) = (each.div_ceil(4), [x, y].map(|at| at / NEAR_SIDE));
         let subset = y % NEAR_SIDE * NEAR_SIDE + x % NEAR_SIDE;
         let [tangent, bitangent] = tangents(normal);
         let about = (0..each).map(|i| {
-            let local = direction(i * SQUARE + subset, each * SQUARE);
+            let local = DQuat::from_rotation_z(turn) * direction(i * SQUARE + subset, each * SQUARE);
             tangent * local.x + bitangent * local.y + normal * local.z
         });
         let follow = (0..guided).filter_map(|i| {

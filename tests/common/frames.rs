@@ -39,8 +39,13 @@ pub(crate) fn drawn(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knob
 /// Like `drawn`, for an uploaded world.
 #[track_caller]
 pub(crate) fn drawn_of(gpu: &Gpu, scene: &Scene, world: &World, settings: &Knobs) -> Frame {
+    drawn_turned(gpu, scene, world, settings, 0.0)
+}
+
+/// As `drawn_of`, with the pattern of short rays turned by this angle \[rad\].
+pub(crate) fn drawn_turned(gpu: &Gpu, scene: &Scene, world: &World, settings: &Knobs, turn: f32) -> Frame {
     let mut frame = Frame::new(gpu, scene, world, settings).expect("made");
-    let view = View::new(&scene.cameras[0], settings.size, world.origin, world.radius);
+    let view = View { turn, ..View::new(&scene.cameras[0], settings.size, world.origin, world.radius) };
     let drawn = gpu.frame(|cmd| {
         frame.record(cmd, world, &view);
         Ok(())

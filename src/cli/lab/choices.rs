@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use lightskin::lab::choices::{Row, Study, StudySettings, Worst};
 use lightskin::lab::{scenes, shadows};
-use lightskin::scene::{Scene, build, tessellate};
+use lightskin::scene::{Scene, build};
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -30,9 +30,6 @@ pub(super) struct Choices {
     /// Compare methods of shadowing proxy lights with rays, on the five built-in scenes of --shadows or on SCENE.
     #[arg(long, conflicts_with_all = ["clusters", "levels", "shadows"])]
     occlusion: bool,
-    /// Compare methods of drawing depth images with rays, on the five built-in scenes of --shadows or on SCENE.
-    #[arg(long, conflicts_with_all = ["clusters", "levels", "occlusion", "shadows"])]
-    depth_images: bool,
     /// Compare the shadows of indirect light with one bounce of the path tracer.
     ///
     /// Uses SCENE, or the atrium and five built-in scenes whose indirect light is mostly shadowed.
@@ -48,9 +45,6 @@ pub(super) struct Choices {
 pub(super) fn run(args: &Choices) -> Result<()> {
     if args.shadows {
         return shadows(args);
-    }
-    if args.depth_images {
-        return depth_images(args, &shadowed_scenes(args)?);
     }
     if args.occlusion {
         return dimming(args);
@@ -139,31 +133,6 @@ fn shadowed_scenes(args: &Choices) -> Result<Vec<Scene>> {
         None => scenes::Shadowed::ALL.iter().map(|which| which.scene()).collect(),
     })
 }
-
-/// Prints the errors of the methods of drawing depth images, one column per scene.
-fn depth_images(args: &Choices, scenes: &[Scene]) -> Result<()> {
-    let mut columns = Vec::new();
-    for scene in scenes {
-        let mut scene = scene.clone();
-        let spacing = tessellate::expected_spacing(&scene, args.caches.count());
-        tessellate::divide(&mut scene, spacing, args.caches.max_edge);
-        let camera = crate::cli::camera::camera(&scene, None)?;
-        // This study draws no picture.
-        let settings = StudySettings { size: [2, 2], caches: args.caches.count(), rsm: DEPTH_IMAGES_RSM };
-        columns.push(Study::new(&scene, &camera, settings)?.depth_images());
-    }
-    let names: String = scenes.iter().map(|scene| format!("{:>18}", scene.name)).collect();
-    say!("{:<34}{names}", "depth images against rays: bias, RMSE");
-    for (i, row) in columns[0].iter().enumerate() {
-        let figures: String =
-            columns.iter().map(|c| format!("{:>+10.1}%{:>7.3}", 100.0 * c[i].bias, c[i].rmse)).collect();
-        say!("  {:<36}{figures}", row.name);
-    }
-    Ok(())
-}
-
-/// Side of an RSM for the study of depth images, in which every cache sends a ray to every VAL [texels].
-const DEPTH_IMAGES_RSM: usize = 48;
 
 /// Prints the savings and errors of clustering.
 fn clusters(scene: &Scene, settings: &StudySettings) -> Result<()> {

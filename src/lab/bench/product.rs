@@ -288,7 +288,7 @@ impl Contexts<'_> {
 
 /// Number of short rays about normals, and of guided ones.
 fn rays(gpu: &Gpu, light: &Light, picture: &Picture) -> Result<f64> {
-    let Near::Rays { per_pixel, .. } = light.plan.near else { return Ok(0.0) };
+    let per_pixel = light.plan.near.per_pixel();
     let [width, height] = picture.size();
     let every = light.plan.near.every([width, height]) as usize;
     let depth: Vec<f32> = gpu.read_image(&picture.surface.depth)?;

@@ -3,14 +3,12 @@
 //! unshadowed light paths, the limit of infinitely many VALs. Runs on the CPU only.
 
 mod clusters;
-mod depth_images;
 mod dimming;
 mod levels;
 mod study;
 mod variants;
 
 pub use clusters::{Clustered, Flickered};
-pub use depth_images::Occluded;
 pub use dimming::{Dimmed, DimmedLobe};
 pub use levels::Levelled;
 pub use study::{Study, StudySettings};

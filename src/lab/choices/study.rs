@@ -2,14 +2,13 @@
 
 use std::collections::HashMap;
 
-use glam::{DAffine3, DVec3, Vec4};
+use glam::{DVec3, Vec4};
 use rayon::prelude::*;
 
 use crate::bake::{self, CacheSet, Density, NO_CACHE};
 use crate::error::Result;
 use crate::reference::brdf::fitted;
 use crate::reference::brute_force;
-use crate::reference::depth_image::Plate;
 use crate::reference::gather::Cache;
 use crate::reference::occlude::Disc;
 use crate::reference::path_trace::camera_ray;
@@ -73,8 +72,6 @@ pub struct Study<'a> {
     pub(super) caches: Vec<Cache>,
     /// The caches as occluders of proxy lights.
     pub(super) discs: Vec<Disc>,
-    /// The caches as occluders of VALs.
-    pub(super) plates: Vec<Plate>,
     /// Index of each instance's first cache.
     pub(super) first: Vec<usize>,
     /// `d_eps` \[m\] of the bake.
@@ -95,17 +92,13 @@ impl<'a> Study<'a> {
         let baked = bake::bake(scene, &bake_settings, &|_, _| ())?;
         let world = World::new(scene);
         let (caches, first) = caches(scene, &baked);
-        let shares = scene.instances.iter().zip(&baked.instance_model).flat_map(|(instance, model)| {
-            let caches = &baked.models[*model].caches;
-            caches.iter().map(|cache| (&instance.world_from_model, cache))
-        });
-        let plate = |(at, (world, share)): (&Cache, (&DAffine3, &bake::Cache))| Plate {
-            disc: Disc { position: at.position, normal: at.normal, area: share.area.into() },
-            middle: world.transform_point3(share.middle.as_dvec3()),
-            axis: world.transform_vector3(share.axis.as_dvec3()),
-            breadth: share.breadth.into(),
+        let shares = baked.instance_model.iter().flat_map(|model| &baked.models[*model].caches);
+        let disc = |(at, share): (&Cache, &bake::Cache)| Disc {
+            position: at.position,
+            normal: at.normal,
+            area: share.area.into(),
         };
-        let plates: Vec<Plate> = caches.iter().zip(shares).map(plate).collect();
+        let discs = caches.iter().zip(shares).map(disc).collect();
         let vals = vals(scene, &world, settings.rsm, None);
         let mut study = Self {
             scene,
@@ -115,8 +108,7 @@ impl<'a> Study<'a> {
             pixels: Vec::new(),
             vertices: Vec::new(),
             caches,
-            discs: plates.iter().map(|plate| plate.disc).collect(),
-            plates,
+            discs,
             first,
             spacing: baked.spacing,
             vals,
