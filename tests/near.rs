@@ -184,7 +184,7 @@ fn neighbours_share_their_rays() {
     };
     let once: Vec<_> = (0..width * height).map(taken).collect();
     let spread_of =
-        |found: Vec<_>| [4, 8, 16, 32].iter().fold(found, |found, step| reference::spread(&found, size, *step));
+        |found: Vec<_>| [2, 5, 13, 32].iter().fold(found, |found, step| reference::spread(&found, size, *step));
     let spread = spread_of(once.clone());
     // As if no pixel were darker than its neighbours.
     let even = |found: &Option<reference::Found>| found.map(|found| reference::Found { light: 1.0, ..found });
@@ -307,6 +307,27 @@ fn lobes_are_spread_over_what_mirrors_the_same() {
 }
 
 /// In small pictures every pixel has rays by default, else every fourth; a setting decides for all sizes.
+/// Squares of 4 x 4 pixels share their directions. On a glossy floor they must not show. A pattern of that period doubles over
+/// two pixels and vanishes over four; smooth light bends four times as much over four pixels as over two.
+#[test]
+fn squares_that_share_rays_do_not_show() {
+    let gpu = gpu();
+    let scene = Shadowed::Columns.scene();
+    let knobs = Knobs { near: Near::Rays { per_pixel: 8, every: 1 }, ..near([240, 135]) };
+    let shot = shoot(&gpu, &scene, Some(&baked(&scene, 0.25, 8)), &knobs);
+    let light: Vec<f64> = shot.glossy.iter().map(|p| luminance(*p)).collect();
+    let brightest = light.iter().copied().fold(0.0, f64::max);
+    let on_floor = |i: usize| shot.covered[i] && shot.normals[i].y > 0.99;
+    let shown = (4..light.len() - 4).filter(|i| (i % 240).clamp(4, 235) == i % 240 && light[*i] > 0.05 * brightest);
+    let floor: Vec<usize> = shown.filter(|i| (i - 4..=i + 4).all(on_floor)).collect();
+    let bend =
+        |by: usize| -> f64 { floor.iter().map(|i| (light[i - by] - 2.0 * light[*i] + light[i + by]).abs()).sum() };
+    let ratio = bend(2) / bend(4);
+    println!("{} pixels of the floor: bend over two pixels {ratio:.3} of that over four", floor.len());
+    assert!(floor.len() > 1000 && ratio < 0.45, "{ratio} on {} pixels", floor.len());
+    assert_clean(&gpu);
+}
+
 #[test]
 fn small_pictures_trace_every_pixel() {
     let gpu = gpu();

@@ -65,8 +65,9 @@ pub const PIXEL_REACH: f64 = 1.0;
 /// Distance from their surfaces of both ends of a ray between a hit and a cache \[cache spacings\].
 pub const SEEN_LIFT: f64 = 0.01;
 
-/// Step sizes of the spreading passes \[traced pixels\]. Their number must be even.
-const SPREADS: [u32; 4] = [4, 8, 16, 32];
+/// Step sizes of the spreading passes \[traced pixels\]. Their number must be even. Steps of 2 and an odd number remove the
+/// pattern of squares that share directions; multiples of its period would keep it.
+const SPREADS: [u32; 4] = [2, 5, 13, 32];
 
 /// Directions about +z with a density proportional to the cosine: points on the unit disc along a spiral.
 pub fn directions(count: u32) -> Vec<Vec3> {
