@@ -1,5 +1,5 @@
 // Stage 8, third: what a pixel's short rays bring. Surfaces hit add their own light and block the caches' light from that
-// direction. Where caches disagree, only the surface hit counts. METHOD 11.
+// direction. Where caches disagree, and with ENDLESS, only the surface hit counts. METHOD 11.
 // variant near_glossy.comp: GLOSSY (where a material has a glossy lobe)
 // variant near_sky.comp: SKY (where caches see a sky)
 // variant near_glossy_sky.comp: GLOSSY SKY (both)
@@ -86,7 +86,7 @@ void main() {
         vec3 arrives = met ? ray.start : vec3(0.0);
 #ifdef SKY
         float open = sky_open(around, shares, direction);
-        open = !ray_decides(open) ? open : hides ? 0.0 : 1.0;
+        open = ENDLESS == 0u && !ray_decides(open) ? open : hides ? 0.0 : 1.0;
         vec3 radiance = sky_at(SKY_OF_CACHES, direction) + least_sky;
         float sky_luminance = dot(radiance, LUMINANCE);
 #endif
@@ -97,7 +97,7 @@ void main() {
         }
         if (i < RAYS) {
             found.crowding += 1.0 / (float(RAYS) * max(met ? min(ray.distance, push.reach) : push.reach, 1e-30));
-            found.open += met ? 0.0 : 1.0 / float(RAYS);
+            found.open += met || ENDLESS == 1u ? 0.0 : 1.0 / float(RAYS);
 #ifdef SKY
             found.all_sky += radiance;
             found.hidden_sky += hides ? sky_luminance * vec2(1.0, 1.0 / max(ray.distance, 1e-30)) : vec2(0.0);

@@ -1,5 +1,5 @@
-// Stage 8, first: short rays from visible surfaces, one cache spacing long. Where caches disagree on far light, rays are
-// endless. A pixel has few rays. A square of NEAR_SIDE^2 pixels has all directions, which a later pass combines. Some
+// Stage 8, first: short rays from visible surfaces, one cache spacing long. Where caches disagree on far light, and with
+// ENDLESS, rays have no end. A pixel has few rays. A square of NEAR_SIDE^2 pixels has all directions, which a later pass combines. Some
 // further rays follow the light of the caches, and some a glossy lobe. METHOD 11.
 //
 // Rays, the light of what they hit, and its sum are three passes: a ray's path through the hierarchy needs few

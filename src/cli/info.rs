@@ -238,7 +238,7 @@ fn say_levels(gpu: &Gpu, world: &World, now: Quality) {
         );
     }
     say!(
-        "  Near rays at --quality reference are endless. lightskin render averages 64 pictures there, with 4 rays per pixel each."
+        "  At --quality reference short rays are endless. lightskin render takes 4 per pixel in each of 64 pictures (--aa 64)."
     );
     if !too_many.is_empty() {
         let device = &gpu.report().name;

@@ -307,7 +307,8 @@ impl View {
                     flag("--near", word(NearArg::of(near)));
                     if let Some([per_pixel, every]) = near.rays() {
                         flag("--near-rays", per_pixel.to_string());
-                        if every > 0 {
+                        let usual = usual.near().rays().or(Quality::High.near().rays());
+                        if usual.is_none_or(|[_, usual]| every != usual) {
                             flag("--near-every", every.to_string());
                         }
                     }

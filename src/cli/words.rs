@@ -102,7 +102,7 @@ pub(super) enum ProxyWeightArg {
     FormFactor,
 }
 
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
+#[derive(Clone, Copy, ValueEnum)]
 pub(super) enum NearArg {
     /// No rays: nearby light comes from the caches, like all other indirect light.
     Off,

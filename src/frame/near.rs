@@ -65,8 +65,8 @@ pub const PIXEL_REACH: f64 = 1.0;
 /// Distance from their surfaces of both ends of a ray between a hit and a cache \[cache spacings\].
 pub const SEEN_LIFT: f64 = 0.01;
 
-/// Step sizes of the spreading passes \[traced pixels\]. Their number must be even. Steps of 2 and an odd number remove the
-/// pattern of squares that share directions; multiples of its period would keep it.
+/// Step sizes of the spreading passes \[traced pixels\]. Their number must be even. A step of 2 removes
+/// the pattern of squares that share directions, which repeats every 4; an odd step removes what repeats every 2.
 const SPREADS: [u32; 4] = [2, 5, 13, 32];
 
 /// Directions about +z with a density proportional to the cosine: points on the unit disc along a spiral.

@@ -195,7 +195,7 @@ pub enum Shadows {
     PerLight,
 }
 
-/// Source of light and occlusion from surfaces within one cache spacing of a pixel. METHOD 11.
+/// Source of light and occlusion that caches cannot resolve, as from surfaces within one cache spacing of a pixel. METHOD 11.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Near {
     /// From caches, as at all other distances.

@@ -5,6 +5,9 @@ use crate::scene::{Camera, Projection};
 use glam::{DAffine3, DMat4, DVec3, DVec4, Mat4, Vec2, Vec4};
 use std::f32::consts::TAU;
 
+/// Multiples of the golden ratio, modulo 1, lie far apart; so do those of every fourth or eighth number.
+const GOLDEN: f32 = 0.618_034;
+
 /// Matrices of one camera for one picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
@@ -50,7 +53,7 @@ impl View {
         let view = Self {
             clip_from_world: window(scale, by) * self.clip_from_world,
             world_from_clip: self.world_from_clip * window(1.0 / scale, -by / scale),
-            turn: TAU * number as f32 / SUPERSAMPLES.pow(2) as f32,
+            turn: TAU * (number as f32 * GOLDEN).fract(),
             ..*self
         };
         (view, shift)

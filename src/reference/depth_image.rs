@@ -36,7 +36,7 @@ const SIDE: usize = 24;
 const MARGIN: f64 = 2.0;
 
 /// Smallest distance of a cache from an occluder's plane; nearer caches are neighbours on its surface. At least one of the
-/// two caches must also lie this far in front of the other's plane. \[as MARGIN\]
+/// two caches must also lie this far in front of the other's plane. \[radii of the circle of a share's area\]
 const PLANE: f64 = 0.15;
 
 /// An occluder as a cache sees it.
@@ -152,7 +152,7 @@ impl DepthImage {
     }
 
     /// Whether the cache sees the one of these VALs that would light it most.
-    pub fn sees_most_lit(&self, cache: &Cache, vals: &[Val]) -> bool {
+    fn sees_most_lit(&self, cache: &Cache, vals: &[Val]) -> bool {
         most_lit(cache, vals).is_some_and(|val| self.sees(val.position))
     }
 }

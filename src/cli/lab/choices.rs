@@ -24,16 +24,13 @@ pub(super) struct Choices {
     /// Compare clusters of virtual lights with single virtual lights.
     #[arg(long)]
     clusters: bool,
-    /// Compare interpolation at vertices, with textures and with cells.
-    #[arg(long, conflicts_with = "clusters")]
-    levels: bool,
     /// Compare methods of shadowing proxy lights with rays, on the five built-in scenes of --shadows or on SCENE.
-    #[arg(long, conflicts_with_all = ["clusters", "levels", "shadows"])]
+    #[arg(long, conflicts_with_all = ["clusters", "shadows"])]
     occlusion: bool,
     /// Compare the shadows of indirect light with one bounce of the path tracer.
     ///
     /// Uses SCENE, or the atrium and five built-in scenes whose indirect light is mostly shadowed.
-    #[arg(long, conflicts_with_all = ["clusters", "levels"])]
+    #[arg(long, conflicts_with = "clusters")]
     shadows: bool,
     /// Samples per pixel of the path tracer with --shadows. They are stored; a later run with a larger N uses them again.
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=1_000_000))]
@@ -57,9 +54,6 @@ pub(super) fn run(args: &Choices) -> Result<()> {
         scene.materials.iter_mut().filter_map(|m| m.phong.as_mut()).for_each(|phong| phong.exponent = k as f32);
     }
     let settings = StudySettings { size: args.size, caches: args.caches.count(), rsm: args.rsm as usize };
-    if args.levels {
-        return levels(&scene, &settings);
-    }
     if args.clusters { clusters(&scene, &settings) } else { tables(&scene, &settings) }
 }
 
@@ -159,30 +153,6 @@ fn clusters(scene: &Scene, settings: &StudySettings) -> Result<()> {
     for row in study.cluster_flicker() {
         let [pairs, largest, added, rms] = [row.pairs, row.largest, row.added, row.rms].map(|share| 100.0 * share);
         say!("  {:<36}{pairs:>8.2}%{largest:>13.3}%{added:>9.4}%{rms:>9.5}%", row.name);
-    }
-    Ok(())
-}
-
-/// Prints the error of each level of interpolation.
-fn levels(scene: &Scene, settings: &StudySettings) -> Result<()> {
-    let camera = crate::cli::camera::camera(scene, None)?;
-    let study = Study::new(scene, &camera, *settings)?;
-    let [caches, vals] = study.counts();
-    let [w, h] = settings.size;
-    say!("{}: {caches} caches, {vals} VALs, {w} x {h} pixels; diffuse, glossy against brute force", scene.name);
-    say!("{:<36}{:>9}{:>16}{:>18}{:>18}{:>9}", "", "caches", "MARE", "relMSE w/o 1 %", "bias", "seams");
-    for row in study.interpolation_levels() {
-        let [d, g] = row.lobes.map(|lobe| lobe.metrics);
-        let (bias, glossy_bias, seams) = (100.0 * d.bias, 100.0 * g.bias, 100.0 * row.seams);
-        say!(
-            "  {:<34}{:>9.1}{:>8.4}{:>8.4}{:>10.5}{:>8.5}{bias:>+8.1}%{glossy_bias:>+8.1}%{seams:>8.2}%",
-            row.name,
-            row.averaged,
-            d.mare,
-            g.mare,
-            d.relmse_trimmed,
-            g.relmse_trimmed
-        );
     }
     Ok(())
 }

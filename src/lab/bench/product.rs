@@ -42,7 +42,7 @@ const TOGETHER: usize = 3;
 type Choice = (&'static str, fn(&mut Settings));
 
 /// One choice at a time, most important first.
-const CHOICES: [Choice; 11] = [
+const CHOICES: [Choice; 12] = [
     ("--aa off", |settings| settings.antialiasing = Antialiasing::Off),
     ("--aa fast", |settings| settings.antialiasing = Antialiasing::Fast),
     ("--aa 4", |settings| settings.antialiasing = Antialiasing::Four),
@@ -50,6 +50,7 @@ const CHOICES: [Choice; 11] = [
     ("--bounces 1", |settings| *of_gather(settings).0 = 1),
     ("--bounces 8", |settings| *of_gather(settings).0 = 8),
     ("--near off", |settings| *of_gather(settings).2 = Near::Off),
+    ("--near endless", |settings| *of_gather(settings).2 = Near::Endless { per_pixel: 8, every: 0 }),
     ("--shadows proxy", |settings| *of_gather(settings).1 = Shadows::Proxy),
     ("--shadows off", |settings| *of_gather(settings).1 = Shadows::Off),
     ("--shadow-map 2048", |settings| settings.light_shadows = LightShadows::Maps(2048)),
@@ -288,9 +289,13 @@ impl Contexts<'_> {
 
 /// Number of short rays about normals, and of guided ones.
 fn rays(gpu: &Gpu, light: &Light, picture: &Picture) -> Result<f64> {
-    let per_pixel = light.plan.near.per_pixel();
+    let near = light.plan.near;
+    if near == Near::Off {
+        return Ok(0.0);
+    }
+    let per_pixel = near.per_pixel();
     let [width, height] = picture.size();
-    let every = light.plan.near.every([width, height]) as usize;
+    let every = near.every([width, height]) as usize;
     let depth: Vec<f32> = gpu.read_image(&picture.surface.depth)?;
     let shown = |x: usize, y: usize| depth[y * width as usize + x] > 0.0;
     let rows = (0..height as usize).step_by(every);

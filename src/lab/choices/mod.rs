@@ -4,13 +4,11 @@
 
 mod clusters;
 mod dimming;
-mod levels;
 mod study;
 mod variants;
 
 pub use clusters::{Clustered, Flickered};
 pub use dimming::{Dimmed, DimmedLobe};
-pub use levels::Levelled;
 pub use study::{Study, StudySettings};
 
 use rayon::prelude::*;
