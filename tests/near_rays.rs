@@ -3,7 +3,7 @@
 use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::CacheSet;
 use lightskin::frame::near::SEEN_LIFT;
-use lightskin::frame::{LightShadows, Near, Shadows, World};
+use lightskin::frame::{LightShadows, Near, Shadows, View, World};
 use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::Knobs;
 use lightskin::reference::gather;
@@ -12,7 +12,7 @@ use lightskin::reference::near::{FarLight, reflected_direct};
 use lightskin::reference::world::{Hit, Sides, Surface, World as Placed};
 use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, cornell, cuboid};
-use lightskin::shared::{NearPixel, Val};
+use lightskin::shared::{NEAR_SIDE, NearPixel, Val};
 
 use crate::common::frames::{add, baked, drawn_turned, phong, references_at, shoot, small};
 use crate::common::{assert_clean, gpu};
@@ -206,4 +206,23 @@ fn hits_send_on_the_light_of_caches_that_they_see() {
     // A hit just within the reach in f32 may be just beyond it in f64.
     assert!(aside > 10 && differ * 500 < pixels && differ_by_largest > 10, "{differ}, {differ_by_largest} of {pixels}");
     assert_clean(&gpu);
+}
+
+/// Directions repeat every four pixels, and the pictures of a supersample are shifted by whole pixels. Those that show a pixel
+/// with the same directions must turn them apart.
+#[test]
+fn samples_of_a_pixel_have_their_own_rays() {
+    let scene = cornell(CornellSurface::Diffuse, 0.1);
+    let view = View::new(&scene.cameras[0], [64, 48], DVec3::ZERO, 1.0);
+    let samples: Vec<(View, [u32; 2])> = (0..64).map(|number| view.sample(number, [64, 48])).collect();
+    let alike = |a: [u32; 2], b: [u32; 2]| a.map(|i| i % NEAR_SIDE) == b.map(|i| i % NEAR_SIDE);
+    let mut least = f32::MAX;
+    for (i, (a, shift)) in samples.iter().enumerate() {
+        for (b, _) in samples[..i].iter().filter(|(_, other)| alike(*shift, *other)) {
+            let apart = (a.turn - b.turn).rem_euclid(std::f32::consts::TAU);
+            least = least.min(apart.min(std::f32::consts::TAU - apart));
+        }
+    }
+    println!("turns of the same directions are {least:.2} apart at least");
+    assert!(least > 0.5, "{least}");
 }
