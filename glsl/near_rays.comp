@@ -1,6 +1,6 @@
 // Stage 8, first: short rays from visible surfaces, one cache spacing long. Where caches disagree on far light, and with
-// ENDLESS, rays have no end. A pixel has few rays. A square of NEAR_SIDE^2 pixels has all directions, which a later pass combines. Some
-// further rays follow the light of the caches, and some a glossy lobe. METHOD 11.
+// ENDLESS, rays have no end. A pixel has few rays. A square of NEAR_SIDE^2 pixels has all directions, which a later pass
+// combines. Some further rays follow the light of the caches, and some a glossy lobe. METHOD 11.
 //
 // Rays, the light of what they hit, and its sum are three passes: a ray's path through the hierarchy needs few
 // registers, and a hit's light many. They take a part of the picture in turn, because all rays together need much memory.

@@ -14,6 +14,7 @@ use super::occlude::Disc;
 use super::phong::mirrored_view;
 use super::rsm::Val;
 use super::world::{Sides, World};
+use crate::shared::DEPTH_IMAGE_SIDE;
 
 /// A cache as an occluder: the rectangle that represents its share of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,7 +30,7 @@ pub struct Plate {
 }
 
 /// Side of a drawn image \[texels\].
-const SIDE: usize = 24;
+const SIDE: usize = DEPTH_IMAGE_SIDE as usize;
 
 /// Distance behind an occluder within which points are still visible: surfaces are not flat. \[radii of the circle of a
 /// share's area\]
@@ -109,14 +110,13 @@ impl DepthImage {
     /// Draws the occluders of all caches.
     pub fn new(cache: &Cache, plates: &[Plate]) -> Self {
         let tangents = tangents(cache.normal);
-        let side = SIDE;
-        let mut ends = vec![0.0; side * side];
+        let mut ends = vec![0.0; SIDE * SIDE];
         // Skip occluders that cannot block once, not per texel.
         let seen: Vec<VisibleRectangle> =
             plates.iter().filter_map(|plate| VisibleRectangle::new(cache, plate)).collect();
         for (index, end) in ends.iter_mut().enumerate() {
-            let step = 2.0 / side as f64;
-            let [x, y] = [index % side, index / side].map(|i| (i as f64 + 0.5) * step - 1.0);
+            let step = 2.0 / SIDE as f64;
+            let [x, y] = [index % SIDE, index / SIDE].map(|i| (i as f64 + 0.5) * step - 1.0);
             let z2 = 1.0 - x * x - y * y;
             if z2 <= 0.0 {
                 continue;
