@@ -112,6 +112,8 @@ void main() {
         irradiance *= range_window(d2, light.range) / d2;
         if (light.kind == LIGHT_SPOT) {
             irradiance *= spot_falloff(-dot(towards, light.direction), light.cone_scale, light.cone_offset);
+        } else if (light.kind == LIGHT_BODY) {
+            irradiance *= body_falloff(-towards, light.right, light.up, light.lean);
         }
     }
     float cosine = dot(n, towards);

@@ -70,7 +70,7 @@ bool shines_at(Light light, vec3 to, vec3 n, vec3 geometric, float lift) {
     }
     float d2 = max(dot(to, to), 1e-30);
     float along = -dot(to, light.direction) * inversesqrt(d2);
-    return light.kind == LIGHT_DIRECTIONAL
+    return light.kind == LIGHT_DIRECTIONAL || light.kind == LIGHT_BODY
         || (range_window(d2, light.range) > 0.0
             && (light.kind == LIGHT_POINT || spot_falloff(along, light.cone_scale, light.cone_offset) > 0.0));
 }
@@ -166,7 +166,7 @@ bool trace_from(ivec2 pixel, float width) {
             vec2 on = is_first ? lattice * ring / max(length(lattice), 1e-30) : disc_point(number, points, 0.0);
             way = is_parallel ? to : light.position - start;
             way += light.radius * (x_axis * on.x + y_axis * on.y);
-            reach = is_parallel ? reach : 0.99999;
+            reach = is_parallel ? reach : 0.99999 - light.clear / max(length(way), 1e-30);
         }
         found.all += weight;
         if (weight.x > 0.0 && dot(way, geometric) > 0.0) {

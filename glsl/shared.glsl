@@ -76,6 +76,7 @@ const uint LIGHT_DIRECTIONAL = 0u;
 const uint LIGHT_POINT = 1u;
 const uint LIGHT_SPOT = 2u;
 const uint LIGHT_AREA = 3u;
+const uint LIGHT_BODY = 4u; // a small emissive body
 
 // Cube faces rendered for each sample of an area light: all but the one behind.
 const uint AREA_VIEWS = 5u;
@@ -188,6 +189,8 @@ struct Light {
     uint columns; // samples of a rectangle along `right`
     uint rows; // samples along `up`
     float radius; // of a spherical lamp [m]; directional: tangent of its angular radius
+    vec3 lean; // of a small emissive body, as are `right` and `up`: lib/light.glsl
+    float clear; // of such a body: nothing within this distance of its centre blocks its light [m]
 };
 
 // One frustum of a light, for its shadow map and RSM.

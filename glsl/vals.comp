@@ -69,6 +69,9 @@ void main() {
                                                     : spot_falloff(cosine, light.cone_scale, light.cone_offset);
             }
             falloff /= float(SAMPLES * SAMPLES);
+        } else if (light.kind == LIGHT_BODY) {
+            vec3 away = normalize(through(view, low + 0.5 * step));
+            falloff = body_falloff(away, light.right, light.up, light.lean);
         }
         if (light.kind == LIGHT_AREA) {
             falloff *= 4.0 * length(cross(light.right, light.up)) / float(light.columns * light.rows);

@@ -15,7 +15,7 @@ use lightskin::scene::{Material, Scene};
 use crate::common::frames::{add, baked, camera, phong, reflection, seen, sent_on, shoot, small};
 use crate::common::gpu;
 
-fn shining(radiance: Vec3) -> Material {
+pub(crate) fn shining(radiance: Vec3) -> Material {
     Material { emissive: radiance, ..phong([0.0; 3], [0.0; 3], 1.0) }
 }
 
@@ -109,7 +109,7 @@ fn gltf_materials_reflect_a_lamp_as_its_integral() {
 }
 
 /// Relative error and bias of the sum of all layers against the path tracer. Pixels that show the lamps are left out.
-fn against_paths(scene: &Scene, settings: &Knobs, passes: usize) -> [f64; 2] {
+pub(crate) fn against_paths(scene: &Scene, settings: &Knobs, passes: usize) -> [f64; 2] {
     let gpu = gpu();
     let caches = baked(scene, 0.2, 8);
     let shot = shoot(&gpu, scene, Some(&caches), settings);

@@ -20,6 +20,7 @@ mod app_wayland;
 mod area_lights;
 mod bake;
 mod bench;
+mod bodies;
 mod bounce;
 mod bounded;
 mod brdf;

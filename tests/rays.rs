@@ -7,7 +7,7 @@ mod lit;
 mod textures;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3, dvec3};
-use lightskin::frame::{View, World};
+use lightskin::frame::{BodyLight, View, World};
 use lightskin::gpu::{Bind, Buffer, Pipeline};
 use lightskin::lab::knobs::{Frame, Gi, Knobs};
 use lightskin::lab::scenes::moving;
@@ -317,6 +317,7 @@ fn compared(tracer: &Tracer, scene: &Scene, rays: &[Ray], found: &[Met]) -> Coun
     let (frozen, numbers) = still(scene);
     let truth = world::World::new(&frozen);
     let (middle, radius, areas) = (tracer.world.origin, tracer.world.radius, tracer.world.areas.len());
+    let bodies = &tracer.world.bodies;
     let one = |(ray, met): (&Ray, &Met)| {
         let mut count = Count::default();
         let (origin, direction) = (middle + ray.origin.as_dvec3(), ray.direction.as_dvec3());
@@ -359,8 +360,9 @@ fn compared(tracer: &Tracer, scene: &Scene, rays: &[Ray], found: &[Met]) -> Coun
             if normal.dot(surface.geometric).abs() > 1e-4 {
                 count.normal = (side * normal).distance(met.normal.as_dvec3());
             }
-            // Area lights do not emit at hits.
-            if areas == 0 && frozen.materials[e.material].emissive_texture.is_none() {
+            // Area lights and small bodies do not emit at hits.
+            let is_body = |b: &BodyLight| surface.position.distance(b.middle) < 1.0001 * b.clear;
+            if areas == 0 && !bodies.iter().any(is_body) && frozen.materials[e.material].emissive_texture.is_none() {
                 let largest = frozen.materials[e.material].emissive.length().max(1e-30);
                 count.glow = usize::from(surface.emission != DVec3::ZERO);
                 count.emission = surface.emission.distance(met.emission.as_dvec3()) / f64::from(largest);

@@ -6,13 +6,13 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec3, dvec2, dvec3};
+use glam::{DMat3, DVec3, Vec3, dvec2, dvec3, vec3};
 use lightskin::reference::area_light::Rectangle;
 use lightskin::reference::brdf::Lobe;
 use lightskin::reference::form_factor::disc_form_factor;
 use lightskin::reference::gather::{Cache, val_geometry};
 use lightskin::reference::interpolate::{Scheme, kernel};
-use lightskin::reference::light::{range_window, spot_falloff};
+use lightskin::reference::light::{body_falloff, range_window, spot_falloff};
 use lightskin::reference::occlude;
 use lightskin::reference::phong::{cos_power, phong_lobe};
 use lightskin::reference::rsm::{Val, solid_angle};
@@ -215,6 +215,29 @@ fn spot_falloff_is_the_twins() {
     // Product and offset cancel: up to `scale` roundings of a ramp from 0 to 1, which is then squared.
     let bound = |x: &[f64; 5]| (0.0, 6e-7 * x[1] + FEW);
     check4(LIGHT, "vec4(spot_falloff(x[0], x[1], x[2]))", &handed, bound, |x| [spot_falloff(x[3], x[4], x[0]); 4]);
+}
+
+#[test]
+fn body_falloff_is_the_twins() {
+    let numbers = [(-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), (0.1, 2.0), (0.1, 2.0), (-0.3, 0.3), (-0.7, 0.7)];
+    let unit = |[x, y, z, squares, other, product, lean]: [f32; 7]| {
+        let d = vec3(x, y, z).normalize_or(Vec3::X);
+        [d.x, d.y, d.z, squares, other, product, lean]
+    };
+    let inputs: Vec<_> = random(9, 2000, numbers).into_iter().map(unit).collect();
+    let expression = "body_falloff(v(0), vec3(x[3], 1.0, x[4]), vec3(x[5], 0.1, -x[5]), vec3(0.0, x[6], -0.2))";
+    check(
+        LIGHT,
+        expression,
+        &inputs,
+        |_| FEW,
+        1e-6,
+        |x| {
+            let half = 0.5 * x[5];
+            let q = DMat3::from_cols(dvec3(x[3], -half, 0.05), dvec3(-half, 1.0, half), dvec3(0.05, half, x[4]));
+            body_falloff(dvec3(x[0], x[1], x[2]), q, dvec3(0.0, x[6], -0.2))
+        },
+    );
 }
 
 #[test]

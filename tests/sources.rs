@@ -25,7 +25,7 @@ fn assert_near(actual: f64, expected: f64, relative: f64, what: &str) {
 }
 
 /// Directions spread over the sphere by the golden ratio.
-fn directions(count: usize) -> impl Iterator<Item = DVec3> {
+pub(crate) fn directions(count: usize) -> impl Iterator<Item = DVec3> {
     (0..count).map(move |i| {
         let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
         let (sin, cos) = (i as f64 * PI * (3.0 - 5_f64.sqrt())).sin_cos();

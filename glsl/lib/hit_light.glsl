@@ -52,6 +52,8 @@ vec3 light_irradiance(Light light, HitSurface s) {
         irradiance *= range_window(d2, light.range) / d2;
         if (light.kind == LIGHT_SPOT) {
             irradiance *= spot_falloff(-dot(towards, light.direction), light.cone_scale, light.cone_offset);
+        } else if (light.kind == LIGHT_BODY) {
+            irradiance *= body_falloff(-towards, light.right, light.up, light.lean);
         }
     }
     return dot(s.geometric, towards) > 0.0 ? irradiance * max(dot(s.normal, towards), 0.0) : vec3(0.0);
@@ -112,7 +114,7 @@ LightRay ray_to(Light light, vec3 given, HitSurface s, vec3 looking, vec2 chance
         share = min(0.5 * whole * of_point / max(PI * polygon_form_factor(part, s.normal), 1e-6), MOST_OF_POINT);
     } else if (light.kind != LIGHT_DIRECTIONAL) {
         ray.way = light.position - start;
-        ray.far = 0.99999;
+        ray.far = 0.99999 - light.clear / max(length(ray.way), 1e-30);
     }
     ray.radiance = brdf_at(s, looking, normalize(ray.way), share) * given;
     return ray;

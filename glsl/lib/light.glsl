@@ -8,6 +8,12 @@ float spot_falloff(float cos_direction, float cone_scale, float cone_offset) {
     return ramp * ramp;
 }
 
+// Factor on the intensity of a small emissive body in the unit direction `d`: an ellipsoid, of which a part may be missing.
+// `squares` and `products`: its squared silhouette; `lean`: larger on the side that shines more. METHOD 2.
+float body_falloff(vec3 d, vec3 squares, vec3 products, vec3 lean) {
+    return max(sqrt(max(dot(squares, d * d) + dot(products, d.yzx * d.zxy), 0.0)) + dot(lean, d), 0.0);
+}
+
 // Window that fades a light to zero at its range; 1 for infinite range (0).
 float range_window(float d2, float range) {
     if (range <= 0.0) {

@@ -119,6 +119,13 @@ pub(super) fn run(args: &Info) -> Result<()> {
             say!("  {width:.4} by {height:.4} m at ({x:.4}, {y:.4}, {z:.4}), {luminance:.4} cd/m^2, {samples} samples");
         }
     }
+    if !world.bodies.is_empty() {
+        say!("small emissive bodies");
+        for body in &world.bodies {
+            let [x, y, z] = body.middle.to_array();
+            say!("  at ({x:.4}, {y:.4}, {z:.4}), radius {:.4} m, {:.4} cd", body.radius, luminance(body.intensity));
+        }
+    }
     if light.plan.emitters {
         let flux: f64 = patches.clone().map(|p| luminance(p.flux.as_dvec3())).sum();
         say!("emitters");

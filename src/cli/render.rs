@@ -262,7 +262,7 @@ fn render(args: &Render, session: Option<&Session>) -> Result<()> {
         };
         return path_trace::run(&args.path_trace, &scene, &camera, &picture);
     }
-    // Caches also carry the direct light of the sky and of small and curved emissive surfaces.
+    // Caches also carry the direct light of the sky and of emissive surfaces that are no lamps.
     let mut baked = (drawing.gi == GiArg::Lightskin
         && (drawing.bounces(level) > 0 || scene.emits() || scene.sky.is_some()))
     .then(|| bake_scene(&scene, args.scene.as_deref(), &args.caches.settings(), args.bake_again))

@@ -66,4 +66,4 @@ pub use settings::{
     ProxyWeight, Quality, SUPERSAMPLES, Settings, Shadows, Tonemap, ValSource, Ways,
 };
 pub use view::View;
-pub use world::{AreaLight, World};
+pub use world::{AreaLight, BodyLight, World};

@@ -270,9 +270,7 @@ impl Plan {
             "sky on caches" | "sky light" => "no sky, or directional lights represent it",
             "rsm" if planned && !self.reflects && !self.emitters => "no VALs: caches send the sky's light on",
             "rsm" if planned && !self.reflects => "emissive surfaces become VALs",
-            "rsm" if planned && self.emitters => {
-                "makes VALs of lit surfaces, and of curved and small emissive surfaces"
-            }
+            "rsm" if planned && self.emitters => "makes VALs of lit surfaces, and of large curved emissive surfaces",
             "rsm" if planned => "makes VALs of lit surfaces",
             "pyramid" if planned => "builds clusters of VALs",
             "pyramid" if self.lightskin => "not asked for by --cluster",

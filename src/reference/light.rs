@@ -1,6 +1,6 @@
 //! Stage 2, direct light: punctual lights of KHR_lights_punctual, unshadowed. METHOD 1-2.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use crate::scene::{Light, LightKind};
 
@@ -22,6 +22,12 @@ pub fn spot_falloff(inner: f64, outer: f64, cos: f64) -> f64 {
     let scale = 1.0 / (inner.cos() - outer.cos()).max(0.001);
     let offset = -outer.cos() * scale;
     (cos * scale + offset).clamp(0.0, 1.0).powi(2)
+}
+
+/// Factor on the intensity of a small emissive body in the unit direction `d`: an ellipsoid whose squared silhouette is
+/// `d.q d`, of which a part may be missing; `lean` points to the side that shines more. METHOD 2.
+pub fn body_falloff(d: DVec3, q: DMat3, lean: DVec3) -> f64 {
+    (d.dot(q * d).max(0.0).sqrt() + lean.dot(d)).max(0.0)
 }
 
 /// Window of KHR_lights_punctual that fades light to zero at `range` \[m\]: `max(min(1 - (d/r)^4, 1), 0)`.

@@ -8,10 +8,10 @@ use super::emitters::{Emitter, Places, emissive};
 use crate::scene::material::Emission;
 use crate::scene::{Scene, luminance};
 use glam::{DVec2, DVec3};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
-/// Maximum number of area lights.
-const MOST: usize = 16;
+/// Maximum number of area lights and small emissive bodies together.
+pub(super) const MOST: usize = 16;
 
 /// Number of samples of all area lights together. A sample is a point from which shadow maps and RSMs are drawn.
 const SAMPLES: usize = 16;
@@ -54,6 +54,11 @@ pub struct AreaLight {
 }
 
 impl AreaLight {
+    /// Luminance times area \[cd\].
+    pub(super) fn power(&self) -> f64 {
+        luminance(self.radiance) * 4.0 * self.right.length() * self.up.length()
+    }
+
     /// The centre of each sample's cell \[m\], row by row.
     pub fn sample_points(&self) -> impl Iterator<Item = DVec3> + '_ {
         let [columns, rows] = self.samples;
@@ -63,13 +68,21 @@ impl AreaLight {
     }
 }
 
-/// A triangle of an area light.
-struct Part {
-    instance: usize,
-    corners: [usize; 3],
-    material: usize,
+/// A triangle of an area light or a small emissive body.
+pub(super) struct Part {
+    pub(super) instance: usize,
+    /// Vertices of the mesh.
+    pub(super) corners: [usize; 3],
+    pub(super) material: usize,
     /// Mean share of the material's radiance after its texture.
-    share: DVec3,
+    pub(super) share: DVec3,
+}
+
+impl Part {
+    /// Luminance [cd/m^2] if materials have this radiance without their textures.
+    pub(super) fn light(&self, emissive: impl Fn(usize) -> DVec3) -> f64 {
+        luminance(self.share * emissive(self.material))
+    }
 }
 
 /// The area lights of a scene, as triangles that do not depend on their positions.
@@ -91,11 +104,11 @@ impl AreaLights {
         places: &mut Places<'_>,
         triangles: Vec<Emitter<'a>>,
     ) -> (Self, Vec<Emitter<'a>>) {
-        let surfaces = surfaces(&triangles, places);
+        let surfaces = connected(&triangles, places, SAME_SIDE);
         let mut nominal = |parts: &[Part]| -> Option<(AreaLight, f64)> {
             let of = |material: usize| emission[material].as_ref().map_or(DVec3::ZERO, |e| e.factor().as_dvec3());
             let (light, filled) = fit(parts, places, of)?;
-            let power = luminance(light.radiance) * 4.0 * light.right.length() * light.up.length();
+            let power = light.power();
             (filled >= FILLED && power > 0.0).then_some((light, power))
         };
         let mut found: Vec<(Vec<usize>, Vec<Part>, AreaLight, f64)> = surfaces
@@ -124,14 +137,9 @@ impl AreaLights {
         (Self(lights), rest)
     }
 
-    /// Whether there are no area lights.
-    pub(super) fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
     /// All triangles of the area lights, by instance and vertices of its mesh.
-    pub(super) fn triangles(&self) -> HashSet<(usize, [usize; 3])> {
-        self.0.iter().flat_map(|surface| &surface.parts).map(|part| (part.instance, part.corners)).collect()
+    pub(super) fn triangles(&self) -> impl Iterator<Item = (usize, [usize; 3])> + '_ {
+        self.0.iter().flat_map(|surface| &surface.parts).map(|part| (part.instance, part.corners))
     }
 
     /// Whether any area light is part of this instance.
@@ -160,7 +168,7 @@ impl AreaLights {
     }
 }
 
-fn part(triangle: &Emitter<'_>, emission: &[Option<Emission<'_>>]) -> Part {
+pub(super) fn part(triangle: &Emitter<'_>, emission: &[Option<Emission<'_>>]) -> Part {
     let share = emission[triangle.material].as_ref().map_or(DVec3::ZERO, |emission| triangle.mean_share(emission));
     Part { instance: triangle.instance, corners: triangle.corners, material: triangle.material, share }
 }
@@ -172,8 +180,9 @@ fn grid(light: &AreaLight, count: u32) -> [u32; 2] {
     [columns, (count / columns).max(1)]
 }
 
-/// Groups triangles of one material and instance that share edges and face the same way: ordered lists of indices.
-fn surfaces(triangles: &[Emitter<'_>], places: &mut Places<'_>) -> Vec<Vec<usize>> {
+/// Groups triangles of one material and instance that share edges, at which the cosine of their normals is larger than
+/// `least`: ordered lists of indices.
+pub(super) fn connected(triangles: &[Emitter<'_>], places: &mut Places<'_>, least: f64) -> Vec<Vec<usize>> {
     let placed: Vec<([DVec3; 3], DVec3)> = triangles.iter().map(|t| places.triangle(t.instance, t.corners)).collect();
     // Union-find: each triangle's parent is itself or an earlier triangle.
     let mut parent: Vec<usize> = (0..triangles.len()).collect();
@@ -195,7 +204,7 @@ fn surfaces(triangles: &[Emitter<'_>], places: &mut Places<'_>) -> Vec<Vec<usize
                 let (a, b) = (normal.normalize_or_zero(), placed[other].1.normalize_or_zero());
                 let same = triangles[i].material == triangles[other].material
                     && triangles[i].instance == triangles[other].instance;
-                if same && a.dot(b) > SAME_SIDE {
+                if same && a.dot(b) > least {
                     let (a, b) = (root(&mut parent, i), root(&mut parent, other));
                     parent[a.max(b)] = a.min(b);
                 }

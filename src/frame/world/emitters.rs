@@ -4,7 +4,8 @@
 //! A patch with radiance `L` and area `A` emits `pi L A` lumen from its front. A VAL's flux is the light that leaves
 //! it, so the patch is a VAL with that flux. Its light is shadowed like that of any VAL.
 
-use super::area_lights::AreaLights;
+use super::area_lights::{self, AreaLight, AreaLights};
+use super::bodies::Bodies;
 use super::enclosed;
 use crate::scene::material::Emission;
 use crate::scene::{Instance, Mesh, Scene, Vertex, luminance};
@@ -67,9 +68,9 @@ pub(super) fn emissive(scene: &Scene, material: usize) -> DVec3 {
 }
 
 impl Patches {
-    /// Finds the area lights of a scene and divides its other emissive surfaces into patches. Empty without emissive
-    /// surfaces.
-    pub(super) fn new(scene: &Scene) -> (AreaLights, Self) {
+    /// Finds the area lights and small bodies of a scene, and divides its other emissive surfaces into patches. Empty
+    /// without emissive surfaces.
+    pub(super) fn new(scene: &Scene) -> (AreaLights, Bodies, Self) {
         let emission: Vec<Option<Emission<'_>>> = (0..scene.materials.len()).map(|m| scene.emission(m)).collect();
         // The choice includes materials that emit now and those that an animation may let emit.
         let nominal: Vec<DVec3> =
@@ -77,6 +78,10 @@ impl Patches {
         let mut places = Places::new(scene);
         let triangles = enclosed::outer(scene, triangles(scene, &emission, &mut places));
         let (areas, triangles) = AreaLights::take(scene, &emission, &mut places, triangles);
+        let lights = areas.now(scene);
+        let others = lights.iter().map(AreaLight::power).sum();
+        let room = area_lights::MOST - lights.len();
+        let (bodies, triangles) = Bodies::take(scene, &emission, &mut places, triangles, (room, others));
         let area: f64 = triangles.iter().map(Emitter::area).sum();
         let patches: Vec<Vec<Patch>> = triangles
             .par_iter()
@@ -89,7 +94,7 @@ impl Patches {
         let shines = |patch: &Patch| patch.share * nominal[patch.material] != DVec3::ZERO;
         let patches: Vec<Patch> = patches.into_iter().flatten().filter(shines).collect();
         let vals: Vec<Val> = patches.iter().map(|p| places.val(p, DVec3::ZERO, nominal[p.material])).collect();
-        (areas, in_square(fewer(&nominal, patches.into_iter().zip(vals).collect())))
+        (areas, bodies, in_square(fewer(&nominal, patches.into_iter().zip(vals).collect())))
     }
 
     /// Whether there are no patches.
@@ -186,7 +191,7 @@ fn triangles<'a>(scene: &'a Scene, emission: &[Option<Emission<'_>>], places: &m
 
 impl Emitter<'_> {
     /// Area in the world [m^2].
-    fn area(&self) -> f64 {
+    pub(super) fn area(&self) -> f64 {
         0.5 * self.face.length()
     }
 

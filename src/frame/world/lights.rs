@@ -1,6 +1,7 @@
 //! Lights in the form that shaders use: relative to the scene's origin, each with the frusta of its shadow map and RSM.
 
 use super::area_lights::AreaLight;
+use super::bodies::BodyLight;
 use crate::scene::{Light, LightKind};
 use crate::shared::{self, AREA_VIEWS, LightView};
 use glam::{DMat4, DVec3, DVec4, Vec4};
@@ -66,14 +67,14 @@ impl LightInfo {
 
 /// All punctual lights of a scene and their views. The scene lies around `origin` with half extent `half` \[m\].
 pub fn prepare(lights: &[Light], origin: DVec3, half: DVec3) -> (Vec<LightInfo>, Vec<shared::Light>, Vec<LightView>) {
-    prepare_with(lights, &[], origin, half, |_| false)
+    prepare_with(lights, (&[], &[]), origin, half, |_| false)
 }
 
-/// Prepares punctual lights, followed by area lights. Spots whose index satisfies `grows` get six views, since their
-/// cones may widen.
+/// Prepares punctual lights, followed by area lights and small emissive bodies. Spots whose index satisfies `grows` get
+/// six views, since their cones may widen.
 pub(super) fn prepare_with(
     lights: &[Light],
-    areas: &[AreaLight],
+    (areas, bodies): (&[AreaLight], &[BodyLight]),
     origin: DVec3,
     half: DVec3,
     grows: impl Fn(usize) -> bool,
@@ -104,7 +105,7 @@ pub(super) fn prepare_with(
                         right.cross(direction),
                         direction,
                         f64::from(outer).tan(),
-                        radius,
+                        NEAREST * radius,
                     ));
                 }
             }
@@ -177,21 +178,52 @@ pub(super) fn prepare_with(
             ..shared::Light::default()
         });
     }
+    for body in bodies {
+        let (position, first_view) = (body.middle - origin, views.len() as u32);
+        // What lies within the body is in front of the near plane.
+        views.extend(cube_from(position, [DVec3::X, DVec3::Y, DVec3::Z], body.clear));
+        infos.push(LightInfo {
+            first_view,
+            views: 6,
+            sharing: 6.0 / body.share,
+            eye: position.extend(1.0).as_vec4(),
+            is_area: false,
+            is_soft: true,
+            of_sky: false,
+        });
+        all.push(shared::Light {
+            position: position.as_vec3(),
+            kind: shared::LIGHT_BODY,
+            right: body.squares.as_vec3(),
+            up: body.products.as_vec3(),
+            intensity: body.intensity.as_vec3(),
+            first_view,
+            view_count: 6,
+            radius: body.radius as f32,
+            lean: body.lean.as_vec3(),
+            clear: body.clear as f32,
+            ..shared::Light::default()
+        });
+    }
     (infos, all, views)
 }
 
 /// The six faces of a cube around a point, along these axes: +x -x +y -y +z -z.
-fn cube(position: DVec3, [x, y, z]: [DVec3; 3], radius: f64) -> [LightView; 6] {
+fn cube(position: DVec3, axes: [DVec3; 3], radius: f64) -> [LightView; 6] {
+    cube_from(position, axes, NEAREST * radius)
+}
+
+/// These faces, with this distance to the near plane.
+fn cube_from(position: DVec3, [x, y, z]: [DVec3; 3], near: f64) -> [LightView; 6] {
     [(z, y, x), (-z, y, -x), (x, z, y), (x, -z, -y), (-x, y, z), (x, y, -z)]
-        .map(|(right, up, forward)| perspective_view(position, right, up, forward, 1.0, radius))
+        .map(|(right, up, forward)| perspective_view(position, right, up, forward, 1.0, near))
 }
 
 /// Near plane of lights and cameras, in radii of the scene. Reversed float depth loses no precision by it.
 pub(in crate::frame) const NEAREST: f64 = 1e-7;
 
 /// A square frustum with reversed depth and no far plane.
-fn perspective_view(position: DVec3, right: DVec3, up: DVec3, forward: DVec3, tan_half: f64, radius: f64) -> LightView {
-    let near = NEAREST * radius;
+fn perspective_view(position: DVec3, right: DVec3, up: DVec3, forward: DVec3, tan_half: f64, near: f64) -> LightView {
     let rows = [
         (right / tan_half).extend(-right.dot(position) / tan_half),
         (-up / tan_half).extend(up.dot(position) / tan_half),

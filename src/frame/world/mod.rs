@@ -6,6 +6,7 @@
 
 mod albedo;
 mod area_lights;
+mod bodies;
 mod cells;
 pub(super) mod deform;
 mod draws;
@@ -22,6 +23,7 @@ mod textures;
 mod update;
 
 pub use area_lights::AreaLight;
+pub use bodies::BodyLight;
 pub use cells::CellBuffers;
 pub use deform::DeformBuffers;
 pub use draws::Which;
@@ -39,6 +41,7 @@ use crate::gpu::{Buffer, Device, Gpu, Image};
 use crate::scene::{Mesh, Scene, Vertex};
 use crate::shared::{self, Corner, DrawRecord, InstanceCaches, ModelCache, NO_REFERENCES, RIGID};
 use area_lights::AreaLights;
+use bodies::Bodies;
 use draws::{DrawItem, bounds_of};
 use emitters::Patches;
 use glam::{DVec3, Mat4, Vec3, Vec4};
@@ -69,6 +72,10 @@ pub struct World {
     pub areas: Vec<AreaLight>,
     /// Source of `areas`.
     area_lights: AreaLights,
+    /// Small emissive bodies.
+    pub bodies: Vec<BodyLight>,
+    /// Source of `bodies`.
+    body_lights: Bodies,
     /// The other emissive surfaces as VALs without weights: a square, or empty.
     pub emitters: Vec<shared::Val>,
     /// Source of `emitters`.
@@ -182,8 +189,8 @@ impl World {
                 vertices.extend_from_slice(&mesh.vertices);
             }
         }
-        let (area_lights, patches) = Patches::new(scene);
-        let areas = area_lights.now(scene);
+        let (area_lights, body_lights, patches) = Patches::new(scene);
+        let (areas, bodies) = (area_lights.now(scene), body_lights.now(scene));
         // The transforms under which caches were placed, whatever the instances' are now.
         let layouts: Vec<InstanceLayout> = (scene.instances.iter().enumerate())
             .map(|(i, instance)| InstanceLayout {
@@ -195,14 +202,14 @@ impl World {
                 first_vertex: first_posed[i].unwrap_or(RIGID),
                 drawn_vertex: first_posed[i].unwrap_or(mesh_base[instance.mesh].0 as u32),
                 pose_sizes: scene.meshes[instance.mesh].deform.as_ref().map_or((0, 0), deform::sizes),
-                emits: patches.any_of(i) || area_lights.any_of(i),
+                emits: patches.any_of(i) || area_lights.any_of(i) || body_lights.any_of(i),
             })
             .collect();
         let rays = rays::bytes(scene).max(size_of_val(&vertices[..]) as u64) <= gpu.most_buffer_bytes();
         let mut dynamic = Dynamic::default();
         let close_by = filled::close_by(scene, caches);
         dynamic.fill_surfaces(scene, origin, (&layouts, &close_by));
-        dynamic.fill_lights(scene, &areas, origin, half);
+        dynamic.fill_lights(scene, (&areas, &bodies), origin, half);
 
         let mut references = Vec::<u16>::new();
         let mut reference_base = Vec::new();
@@ -287,9 +294,14 @@ impl World {
             sky: scene.behind().map(|sky| SkyBuffer::new(gpu, &sky)).transpose()?,
             sky_light: scene.sky.as_ref().map(|sky| SkyLight::new(gpu, sky)).transpose()?,
             emitters: patches.vals(scene, origin),
-            features: Features { rays, ..Features::new(scene, !area_lights.is_empty(), !patches.is_empty()) },
+            features: Features {
+                rays,
+                ..Features::new(scene, !areas.is_empty() || !bodies.is_empty(), !patches.is_empty())
+            },
             areas,
             area_lights,
+            bodies,
+            body_lights,
             patches,
             light_buffer: gpu.buffer_from("scene.lights", &dynamic.lights)?,
             view_buffer: gpu.buffer_from("scene.light_views", &dynamic.views)?,
@@ -370,7 +382,7 @@ impl World {
 
     /// Builds BVHs over the scene in the state `now`. The next frame refits those of deformed meshes.
     fn rays_of(&self, gpu: &Device, scene: &Scene, now: &Dynamic, moves: Vec<bool>) -> Result<RayBuffers> {
-        let is_area = &self.area_lights.triangles();
+        let is_area = &self.area_lights.triangles().chain(self.body_lights.triangles()).collect();
         let placed = Placed { scene, origin: self.origin, layouts: &self.layouts, is_area, now };
         let made = RayBuffers::new(gpu, &placed, moves)?;
         self.pending.set(self.pending.get().with_poses(self.deform.is_some()));

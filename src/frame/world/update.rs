@@ -3,7 +3,7 @@
 //! changed.
 
 use super::lights::{self, LightInfo};
-use super::{AreaLight, SkyBuffer, SkyLight, World, albedo, textures};
+use super::{AreaLight, BodyLight, SkyBuffer, SkyLight, World, albedo, textures};
 use crate::error::{Error, Result};
 use crate::frame::plan::Features;
 use crate::frame::revision::new_revision;
@@ -174,9 +174,15 @@ impl Dynamic {
     }
 
     /// Sets the state of its lights, relative to `origin`, for a scene with half extent `half` \[m\].
-    pub(super) fn fill_lights(&mut self, scene: &Scene, areas: &[AreaLight], origin: DVec3, half: DVec3) {
+    pub(super) fn fill_lights(
+        &mut self,
+        scene: &Scene,
+        emissive: (&[AreaLight], &[BodyLight]),
+        origin: DVec3,
+        half: DVec3,
+    ) {
         let grows = |i| scene.animates(&[Quantity::Cone], i);
-        (self.infos, self.lights, self.views) = lights::prepare_with(&scene.lights, areas, origin, half, grows);
+        (self.infos, self.lights, self.views) = lights::prepare_with(&scene.lights, emissive, origin, half, grows);
         if let Some(sky) = &scene.sky {
             for light in &mut self.infos[sky.lights.clone()] {
                 (light.sharing, light.of_sky) = (sky.lights.len() as f64, true);
@@ -322,10 +328,11 @@ impl World {
             if self.features.emits_at_all() && (materials || self.layouts.iter().enumerate().any(moved)) {
                 self.emitters = self.patches.vals(scene, self.origin);
                 self.areas = self.area_lights.now(scene);
+                self.bodies = self.body_lights.now(scene);
             }
         }
         let before = new_revision();
-        now.fill_lights(scene, &self.areas, self.origin, self.half);
+        now.fill_lights(scene, (&self.areas, &self.bodies), self.origin, self.half);
         let old = &self.dynamic;
         let same_lights = now.infos.len() == old.infos.len()
             && (now.infos.iter().zip(&old.infos)).all(|(a, b)| (a.views, a.sharing) == (b.views, b.sharing));
