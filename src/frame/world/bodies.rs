@@ -100,7 +100,7 @@ impl Bodies {
                 escaping: 1.0,
                 share: 1.0,
             };
-            let power: f64 = members.iter().zip(&body.parts).map(|(&i, p)| triangles[i].area() * p.light(&of)).sum();
+            let power: f64 = members.iter().zip(&body.parts).map(|(&i, p)| triangles[i].area() * p.light(of)).sum();
             total += power;
             if members.len() > MOST_TRIANGLES || body.now(places, of).is_none_or(|light| light.clear > small) {
                 continue;
