@@ -53,7 +53,7 @@ const RAYS: u32 = 8;
 pub struct BodyLight {
     /// Centre of its surface \[m\].
     pub middle: DVec3,
-    /// Root of the mean squared intensity of the ellipsoid [cd].
+    /// Root of the mean squared intensity of the ellipsoid \[cd\].
     pub intensity: DVec3,
     /// Squared silhouette along the axes, over its mean: 1 for balls.
     pub squares: DVec3,
