@@ -46,23 +46,3 @@ fn vals_become_what_light_paths_see() {
         assert!(of(128).bias.abs() < 0.002 && of(128).bias.abs() < of(32).bias.abs(), "{tilt}: {:?}", of(128));
     }
 }
-
-#[test]
-fn clusters_save_pairs_and_a_stricter_rule_errs_less() {
-    let scene = between_walls(0.1);
-    let study = study(&scene);
-    let rows = study.clusters();
-    let [loose, strict] =
-        ["distance 2", "distance 16"].map(|name| rows.iter().find(|row| row.name == name).expect(name));
-    for (loose, strict) in loose.walks.iter().zip(strict.walks) {
-        assert!(loose.pairs < strict.pairs && strict.pairs < 1.0, "{loose:?} {strict:?}");
-        assert!(0.0 < strict.error && strict.error < 0.5 * loose.error, "{loose:?} {strict:?}");
-    }
-    let flicker = study.cluster_flicker();
-    assert!(flicker[0].largest > 0.0 && flicker[0].added == 0.0, "{:?}", flicker[0]);
-    assert!(flicker[1..].iter().all(|row| row.rms > 0.0 || row.pairs == 1.0), "{flicker:?}");
-    let rms = |rule: &str| flicker.iter().find(|row| row.name == rule).expect(rule).rms;
-    for [loose, strict] in [["Distance(2.0)", "Distance(8.0)"], ["Bound(0.1)", "Bound(0.01)"]] {
-        assert!(0.0 < rms(strict) && rms(strict) < rms(loose), "{flicker:?}");
-    }
-}

@@ -18,7 +18,7 @@ pub struct Features {
     pub sky_light: bool,
     /// A sky or another backdrop is visible.
     pub sky: bool,
-    /// Emissive surfaces that are area lights.
+    /// Emissive surfaces that are area lights or lamps.
     pub areas: bool,
     /// Other emissive surfaces.
     pub emits: bool,
@@ -37,7 +37,7 @@ pub struct Features {
 }
 
 impl Features {
-    /// Features of a scene. `areas` says whether some emissive surfaces are area lights, `emits` whether some are not.
+    /// Features of a scene. `areas` says whether some emissive surfaces are area lights or lamps, `emits` whether some are not.
     pub fn new(scene: &Scene, areas: bool, emits: bool) -> Self {
         Self {
             bends: scene.instances.iter().any(|instance| scene.meshes[instance.mesh].deform.is_some()),

@@ -21,16 +21,13 @@ pub(super) struct Choices {
     /// Replace the exponent of every exact Phong lobe [default: unchanged].
     #[arg(long, value_name = "K", value_parser = crate::cli::positive)]
     exponent: Option<f64>,
-    /// Compare clusters of virtual lights with single virtual lights.
-    #[arg(long)]
-    clusters: bool,
     /// Compare methods of shadowing proxy lights with rays, on the five built-in scenes of --shadows or on SCENE.
-    #[arg(long, conflicts_with_all = ["clusters", "shadows"])]
+    #[arg(long, conflicts_with = "shadows")]
     occlusion: bool,
     /// Compare the shadows of indirect light with one bounce of the path tracer.
     ///
     /// Uses SCENE, or the atrium and five built-in scenes whose indirect light is mostly shadowed.
-    #[arg(long, conflicts_with = "clusters")]
+    #[arg(long)]
     shadows: bool,
     /// Samples per pixel of the path tracer with --shadows. They are stored; a later run with a larger N uses them again.
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=1_000_000))]
@@ -54,7 +51,7 @@ pub(super) fn run(args: &Choices) -> Result<()> {
         scene.materials.iter_mut().filter_map(|m| m.phong.as_mut()).for_each(|phong| phong.exponent = k as f32);
     }
     let settings = StudySettings { size: args.size, caches: args.caches.count(), rsm: args.rsm as usize };
-    if args.clusters { clusters(&scene, &settings) } else { tables(&scene, &settings) }
+    tables(&scene, &settings)
 }
 
 /// Prints the error of each kind of indirect shadows against the path tracer.
@@ -126,35 +123,6 @@ fn shadowed_scenes(args: &Choices) -> Result<Vec<Scene>> {
         Some(path) => vec![crate::cli::load_punctual(Some(path))?],
         None => scenes::Shadowed::ALL.iter().map(|which| which.scene()).collect(),
     })
-}
-
-/// Prints the savings and errors of clustering.
-fn clusters(scene: &Scene, settings: &StudySettings) -> Result<()> {
-    let camera = crate::cli::camera::camera(scene, None)?;
-    let study = Study::new(scene, &camera, *settings)?;
-    let [caches, vals] = study.counts();
-    say!("{}: {caches} caches, {vals} live VALs; shares of all pairs, errors against no clustering", scene.name);
-    let heads = ["pairs", "tests", "error", "worst", "bias", "turned"];
-    let [a, b, c, d, e, f] = heads;
-    say!(
-        "{:<34}alone:{a:>7}{b:>8}{c:>9}{d:>8}{e:>9}{f:>8} | by groups:{a:>7}{b:>8}{c:>9}{d:>8}{e:>9}{f:>8} | pixels: diffuse  glossy",
-        ""
-    );
-    for row in study.clusters() {
-        let [alone, together] = row.walks.map(|w| {
-            let [pairs, tests, error, worst, bias] =
-                [w.pairs, w.tests, w.error, w.worst, w.bias].map(|share| 100.0 * share);
-            format!("{pairs:>7.2}%{tests:>7.2}%{error:>8.4}%{worst:>7.2}%{bias:>+8.3}%{:>8.3}", w.turned)
-        });
-        let [diffuse, glossy] = row.pixels.map(|share| 100.0 * share);
-        say!("  {:<38}{alone} |           {together} |       {diffuse:>8.4}%{glossy:>8.4}%", row.name);
-    }
-    say!("moving lights{:<25}{:>9}{:>14}{:>10}{:>9}", "", "pairs", "largest change", "added", "rms");
-    for row in study.cluster_flicker() {
-        let [pairs, largest, added, rms] = [row.pairs, row.largest, row.added, row.rms].map(|share| 100.0 * share);
-        say!("  {:<36}{pairs:>8.2}%{largest:>13.3}%{added:>9.4}%{rms:>9.5}%", row.name);
-    }
-    Ok(())
 }
 
 /// Prints the errors of cache light for the variants of stage 7.

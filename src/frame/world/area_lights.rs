@@ -121,8 +121,7 @@ impl AreaLights {
             .collect();
         found.sort_by(|a, b| b.3.total_cmp(&a.3));
         found.truncate(MOST);
-        let mut taken = vec![false; triangles.len()];
-        found.iter().flat_map(|surface| &surface.0).for_each(|&i| taken[i] = true);
+        let taken: Vec<usize> = found.iter().flat_map(|surface| &surface.0).copied().collect();
         let total: f64 = found.iter().map(|surface| surface.3).sum();
         let samples = (MOST_DRAWN / scene.triangle_count().max(1)).clamp(found.len(), SAMPLES.max(found.len()));
         let spare = (samples - found.len()) as f64;
@@ -133,8 +132,7 @@ impl AreaLights {
                 Surface { parts, samples: grid(&light, 1 + (spare * share + 1e-9) as u32), share }
             })
             .collect();
-        let rest = triangles.into_iter().zip(taken).filter(|(_, taken)| !taken).map(|(triangle, _)| triangle).collect();
-        (Self(lights), rest)
+        (Self(lights), without(triangles, &taken))
     }
 
     /// All triangles of the area lights, by instance and vertices of its mesh.
@@ -166,6 +164,13 @@ impl AreaLights {
         };
         self.0.iter().map(light).collect()
     }
+}
+
+/// The triangles without those of these indices.
+pub(super) fn without<'a>(triangles: Vec<Emitter<'a>>, taken: &[usize]) -> Vec<Emitter<'a>> {
+    let mut stays = vec![true; triangles.len()];
+    taken.iter().for_each(|&i| stays[i] = false);
+    triangles.into_iter().zip(stays).filter_map(|(triangle, stays)| stays.then_some(triangle)).collect()
 }
 
 pub(super) fn part(triangle: &Emitter<'_>, emission: &[Option<Emission<'_>>]) -> Part {

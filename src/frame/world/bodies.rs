@@ -1,7 +1,6 @@
-//! Small emissive bodies, such as bulbs and flames, as lamps. Rays would find them only by chance.
-//! METHOD 2.
+//! Small emissive bodies, such as bulbs and flames, as lamps. Rays would find them only by chance. METHOD 2.
 
-use super::area_lights::{Part, connected, part};
+use super::area_lights::{Part, connected, part, without};
 use super::emitters::{Emitter, Places, emissive};
 use crate::scene::material::Emission;
 use crate::scene::rays::{Rays, cosine_directions};
@@ -92,31 +91,30 @@ impl Bodies {
     ) -> (Self, Vec<Emitter<'a>>) {
         let small = scene.bounds().map_or(0.0, |(low, high)| 0.5 * SMALL * low.distance(high));
         let of = |material: usize| emission[material].as_ref().map_or(DVec3::ZERO, |e| e.factor().as_dvec3());
-        let mut total = other;
-        let mut found = Vec::new();
-        for members in connected(&triangles, places, -2.0) {
-            let mut body = Body {
-                parts: members.iter().map(|&i| part(&triangles[i], emission)).collect(),
-                escaping: 1.0,
-                share: 1.0,
-            };
-            let power: f64 = members.iter().zip(&body.parts).map(|(&i, p)| triangles[i].area() * p.light(of)).sum();
-            total += power;
-            if members.len() > MOST_TRIANGLES || body.now(places, of).is_none_or(|light| light.clear > small) {
-                continue;
-            }
-            body.escaping = escaping(&members.iter().map(|&i| &triangles[i]).collect::<Vec<_>>());
-            found.push((members, body, power));
-        }
-        found.retain(|(_, body, power)| *power > LEAST * total && body.escaping > 0.0);
+        let mut found: Vec<(Vec<usize>, Body, f64)> = connected(&triangles, places, -2.0)
+            .into_iter()
+            .map(|members| {
+                let parts: Vec<Part> = members.iter().map(|&i| part(&triangles[i], emission)).collect();
+                let power = members.iter().zip(&parts).map(|(&i, part)| triangles[i].area() * part.light(of)).sum();
+                (members, Body { parts, escaping: 1.0, share: 1.0 }, power)
+            })
+            .collect();
+        let least = LEAST * (other + found.iter().map(|body| body.2).sum::<f64>());
+        let is_small = |light: &BodyLight| light.clear <= small && light.intensity.as_vec3().is_finite();
+        found.retain(|(members, body, power)| {
+            *power > least
+                && members.len() <= MOST_TRIANGLES
+                && body.now(places, of).is_some_and(|light| is_small(&light))
+        });
         found.sort_by(|a, b| b.2.total_cmp(&a.2));
         found.truncate(most);
-        let of_bodies: f64 = found.iter().map(|body| body.2).sum();
-        let mut taken = vec![false; triangles.len()];
-        found.iter().flat_map(|(members, ..)| members).for_each(|&i| taken[i] = true);
-        let bodies = found.into_iter().map(|(_, body, power)| Body { share: power / of_bodies, ..body }).collect();
-        let rest = triangles.into_iter().zip(taken).filter(|(_, taken)| !taken).map(|(triangle, _)| triangle).collect();
-        (Self(bodies), rest)
+        let all: f64 = found.iter().map(|body| body.2).sum();
+        let taken: Vec<usize> = found.iter().flat_map(|(members, ..)| members).copied().collect();
+        let bodies = found.into_iter().map(|(members, body, power)| {
+            let escaping = escaping(&members.iter().map(|&i| &triangles[i]).collect::<Vec<_>>());
+            Body { escaping, share: power / all, ..body }
+        });
+        (Self(bodies.collect()), without(triangles, &taken))
     }
 
     /// All triangles of the bodies, by instance and vertices of its mesh.
@@ -126,7 +124,7 @@ impl Bodies {
 
     /// Whether any body is part of this instance.
     pub(super) fn any_of(&self, instance: usize) -> bool {
-        self.triangles().any(|(own, _)| own == instance)
+        self.0.iter().any(|body| body.instance() == instance)
     }
 
     /// The bodies in the current state of the scene. Hidden ones have no light.
@@ -143,7 +141,7 @@ impl Bodies {
             share: 1.0,
         };
         let mut light = |body: &Body| {
-            let hidden = body.parts.iter().any(|part| places.is_hidden(part.instance));
+            let hidden = places.is_hidden(body.instance());
             let found = body.now(&mut places, |material| emissive(scene, material)).filter(|_| !hidden);
             BodyLight { share: body.share, ..found.unwrap_or(dark) }
         };
@@ -152,6 +150,11 @@ impl Bodies {
 }
 
 impl Body {
+    /// The instance of all its triangles.
+    fn instance(&self) -> usize {
+        self.parts[0].instance
+    }
+
     /// The light of these triangles where they are; `None` if they have no area or no light.
     fn now(&self, places: &mut Places<'_>, emissive: impl Fn(usize) -> DVec3) -> Option<BodyLight> {
         let (mut area, mut middle, mut sent) = (0.0, DVec3::ZERO, DVec3::ZERO);

@@ -17,7 +17,7 @@ pub struct LightInfo {
     /// 1 or 6; for an area light, 5 for each sample.
     pub views: u32,
     /// Number of RSMs of this size that together have the texels of one square: all views of a light, or of all lights
-    /// of a sky. Area lights share a square by their power.
+    /// of a sky. Area lights share a square by their power, and small bodies another one.
     pub sharing: f64,
     /// The unit direction towards a directional light and 0, or the position relative to the scene's origin and 1.
     pub eye: Vec4,
