@@ -362,10 +362,11 @@ fn compared(tracer: &Tracer, scene: &Scene, rays: &[Ray], found: &[Met]) -> Coun
             }
             // Area lights and small bodies do not emit at hits.
             let is_body = |b: &BodyLight| surface.position.distance(b.middle) < 1.0001 * b.clear;
-            if areas == 0 && !bodies.iter().any(is_body) && frozen.materials[e.material].emissive_texture.is_none() {
+            if areas == 0 && frozen.materials[e.material].emissive_texture.is_none() {
                 let largest = frozen.materials[e.material].emissive.length().max(1e-30);
-                count.glow = usize::from(surface.emission != DVec3::ZERO);
-                count.emission = surface.emission.distance(met.emission.as_dvec3()) / f64::from(largest);
+                let emission = if bodies.iter().any(is_body) { DVec3::ZERO } else { surface.emission };
+                count.glow = usize::from(emission != DVec3::ZERO);
+                count.emission = emission.distance(met.emission.as_dvec3()) / f64::from(largest);
             }
             return count;
         }

@@ -2,13 +2,14 @@
 
 use super::{Asked, NOTHING, Ray, Tracer, still};
 use crate::analytic::numbers;
+use crate::bodies::below;
 use crate::common::frames::{SPOT, add, corner, phong};
-use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
-use lightskin::frame::AreaLight;
-use lightskin::reference::light::facing_irradiance;
+use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
+use lightskin::frame::{AreaLight, BodyLight};
+use lightskin::reference::light::{body_falloff, facing_irradiance};
 use lightskin::reference::near::brdf_along;
 use lightskin::reference::world::{self, Sides};
-use lightskin::scene::build::quad;
+use lightskin::scene::build::{quad, sphere};
 use lightskin::scene::{LightKind, Material, Scene};
 use rayon::prelude::*;
 
@@ -44,8 +45,24 @@ fn of_lamp(truth: &world::World<'_>, lamp: &AreaLight, at: &world::Surface, brdf
     lamp.radiance * sum
 }
 
+/// Radiance [cd/m^2] that a surface with this BRDF reflects of a small emissive body.
+fn of_body(truth: &world::World<'_>, body: &BodyLight, at: &world::Surface, brdf: &dyn Fn(DVec3) -> DVec3) -> DVec3 {
+    let way = body.middle - at.position;
+    let (distance, towards) = (way.length(), way.normalize());
+    let cosine = at.vertex_normal.dot(towards).max(0.0);
+    if at.geometric.dot(towards) <= 0.0 || truth.blocked_within(at.position, towards, distance - body.clear) {
+        return DVec3::ZERO;
+    }
+    body.intensity * (body_falloff(-towards, body.q, body.lean) * cosine / (distance * distance)) * brdf(towards)
+}
+
 /// Radiance [cd/m^2] that a surface reflects from all lights along a ray of this direction.
-fn reflected(truth: &world::World<'_>, lamps: &[AreaLight], at: &world::Surface, looking: DVec3) -> DVec3 {
+fn reflected(
+    truth: &world::World<'_>,
+    (lamps, bodies): (&[AreaLight], &[BodyLight]),
+    at: &world::Surface,
+    looking: DVec3,
+) -> DVec3 {
     let brdf = brdf_along(at, looking);
     let mut sum = DVec3::ZERO;
     for light in &truth.scene().lights {
@@ -62,7 +79,8 @@ fn reflected(truth: &world::World<'_>, lamps: &[AreaLight], at: &world::Surface,
             sum += facing * cosine * brdf(towards);
         }
     }
-    sum + lamps.iter().map(|lamp| of_lamp(truth, lamp, at, &brdf)).sum::<DVec3>()
+    sum += lamps.iter().map(|lamp| of_lamp(truth, lamp, at, &brdf)).sum::<DVec3>();
+    sum + bodies.iter().map(|body| of_body(truth, body, at, &brdf)).sum::<DVec3>()
 }
 
 /// Errors of the device's mean. `bias`: relative error of the sum over all points. `mean`: relative mean error of the
@@ -89,12 +107,12 @@ fn check(scene: &Scene) -> Result {
     let found: Vec<(super::Met, DVec3)> = found.chunks(TIMES).map(|all| (all[0], mean(all))).collect();
     let (frozen, _) = still(scene);
     let truth = world::World::new(&frozen);
-    let (areas, middle) = (&tracer.world.areas, tracer.world.origin);
+    let (lamps, middle) = ((&tracer.world.areas[..], &tracer.world.bodies[..]), tracer.world.origin);
     let one = |(ray, (met, direct)): (&Ray, &(super::Met, DVec3))| {
         let origin = middle + ray.origin.as_dvec3();
         let hit = truth.nearest(origin, ray.direction.as_dvec3(), Sides::Both)?;
         (met.triangle as usize == hit.triangle && met.triangle != NOTHING)
-            .then(|| (reflected(&truth, areas, &truth.surface(&hit), ray.direction.as_dvec3()), *direct))
+            .then(|| (reflected(&truth, lamps, &truth.surface(&hit), ray.direction.as_dvec3()), *direct))
     };
     let pairs: Vec<(DVec3, DVec3)> = rays.par_iter().zip(&found).filter_map(one).collect();
     let whole: DVec3 = pairs.iter().map(|pair| pair.0).sum();
@@ -137,10 +155,26 @@ fn one_light_and_all_lights_together_are_their_sum() {
 }
 
 #[test]
+fn small_bodies_light_what_they_see() {
+    // Half of an ellipsoid, so that no direction is like another.
+    let place = DAffine3::from_scale_rotation_translation(
+        dvec3(1.3, 1.0, 0.6),
+        DQuat::from_rotation_z(-0.9),
+        dvec3(0.1, 1.2, 0.1),
+    );
+    let mut scene = corner(&[], 20.0);
+    let material = Material { emissive: vec3(3e4, 2e4, 1e4), ..phong([0.0; 3], [0.0; 3], 1.0) };
+    add(&mut scene, below(sphere(0.03, 24), 0.0), material, place);
+    let result = check(&scene);
+    println!("{result:?}");
+    assert!(result.lit > 0.1 && result.bias < 1e-3 && result.mean < 4e-3 && result.off < 0.01, "{result:?}");
+}
+
+#[test]
 fn rectangles_light_what_they_see() {
     let down = DAffine3::from_translation(dvec3(0.1, 1.6, 0.1));
     // Upright next to the wall: points of the floor and of the ball see a part of the lamp.
-    let upright = DAffine3::from_rotation_translation(glam::DQuat::from_rotation_z(-1.4), dvec3(0.9, 0.35, 0.0));
+    let upright = DAffine3::from_rotation_translation(DQuat::from_rotation_z(-1.4), dvec3(0.9, 0.35, 0.0));
     // If the rectangle is partly hidden, the estimate uses the visible share of its area instead of the visible share
     // of its light. The bounds allow for this.
     for (what, scene) in [

@@ -43,21 +43,18 @@ const AXES: [DVec3; 16] = {
 
 /// Maximum number of triangles, and rays from each, that measure how much of its light a body keeps from getting out.
 const TRIED: usize = 256;
-const RAYS: u32 = 8;
+const RAYS: u32 = 32;
 
 /// A small emissive body in the world. In the unit direction `d` it shines with the intensity
-/// `intensity max(sqrt(squares.(x^2, y^2, z^2) + products.(y z, z x, x y)) + lean.d, 0)`: an ellipsoid of which a part may be
-/// missing.
+/// `intensity max(sqrt(d.q d) + lean.d, 0)`: an ellipsoid of which a part may be missing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyLight {
     /// Centre of its surface \[m\].
     pub middle: DVec3,
     /// Root of the mean squared intensity of the ellipsoid \[cd\].
     pub intensity: DVec3,
-    /// Squared silhouette along the axes, over its mean: 1 for balls.
-    pub squares: DVec3,
-    /// What it has in addition between the axes: 0 for balls.
-    pub products: DVec3,
+    /// Quadratic form of the squared silhouette over its mean: the identity for balls.
+    pub q: DMat3,
     /// Half of the sum of the triangles' normals, by area, over the root of the mean squared silhouette: 0 for closed bodies.
     pub lean: DVec3,
     /// Radius of a disc as large as its mean silhouette \[m\].
@@ -133,8 +130,7 @@ impl Bodies {
         let dark = BodyLight {
             middle: DVec3::ZERO,
             intensity: DVec3::ZERO,
-            squares: DVec3::ONE,
-            products: DVec3::ZERO,
+            q: DMat3::IDENTITY,
             lean: DVec3::ZERO,
             radius: 0.0,
             clear: 1.0,
@@ -189,8 +185,7 @@ impl Body {
         Some(BodyLight {
             middle,
             intensity: self.escaping * size * sent / area,
-            squares: DVec3::new(q.x_axis.x, q.y_axis.y, q.z_axis.z),
-            products: 2.0 * DVec3::new(q.y_axis.z, q.x_axis.z, q.x_axis.y),
+            q,
             lean: lean / size,
             radius: (mean / PI).sqrt().min(clear),
             clear,

@@ -180,6 +180,7 @@ pub(super) fn prepare_with(
     }
     for body in bodies {
         let (position, first_view) = (body.middle - origin, views.len() as u32);
+        let [x, y, z] = [body.q.x_axis, body.q.y_axis, body.q.z_axis];
         // What lies within the body is in front of the near plane.
         views.extend(cube_from(position, [DVec3::X, DVec3::Y, DVec3::Z], body.clear));
         infos.push(LightInfo {
@@ -194,8 +195,8 @@ pub(super) fn prepare_with(
         all.push(shared::Light {
             position: position.as_vec3(),
             kind: shared::LIGHT_BODY,
-            right: body.squares.as_vec3(),
-            up: body.products.as_vec3(),
+            right: DVec3::new(x.x, y.y, z.z).as_vec3(),
+            up: (2.0 * DVec3::new(y.z, z.x, x.y)).as_vec3(),
             intensity: body.intensity.as_vec3(),
             first_view,
             view_count: 6,
