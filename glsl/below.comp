@@ -26,7 +26,7 @@ vec3 from_below(DrawRecord draw, uint vertex, uint part, vec3 position) {
     }
     Filled f = filled[part];
     Dipoles mean = no_dipoles();
-    vec3 own = vec3(0.0);
+    vec3 scales = vec3(0.0);
     for (uint round = 0u; round < 2u; ++round) {
         if (round > 0u) {
             mean = mean_dipoles(mean);
@@ -41,11 +41,11 @@ vec3 from_below(DrawRecord draw, uint vertex, uint part, vec3 position) {
             if (round == 0u) {
                 take_dipole(mean, w, dipoles[cache], from);
             } else {
-                own += w * own_reflectance(f, mean, dipoles[cache]);
+                scales += w * own_scale(f, mean, dipoles[cache]);
             }
         }
     }
-    return irradiance_below(f, mean, own);
+    return irradiance_below(f, mean, scales);
 }
 
 void main() {

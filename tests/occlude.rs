@@ -13,7 +13,7 @@ use lightskin::lab::scenes::{Shadowed, valley};
 use lightskin::lab::shadows;
 use lightskin::reference::brute_force;
 use lightskin::reference::gather::{self, Cache, Lobe, luminance};
-use lightskin::reference::occlude::{Choices, Disc, occlude};
+use lightskin::reference::occlude::{Disc, occlude};
 use lightskin::reference::phong::{Material, mirrored_view};
 use lightskin::scene::build::{CornellSurface, cornell};
 use lightskin::scene::{LightKind, Scene};
@@ -121,7 +121,7 @@ fn twin(caches: &[shared::Cache], proxies: &[Proxy]) -> Vec<[f64; 2]> {
                 lit: distance2 > 0.0,
                 distance2: distance2.into(),
             };
-            occlude(&cache, &lobe, &discs, &Choices::default()).facing_irradiance.x
+            occlude(&cache, &lobe, &discs).facing_irradiance.x
         })
     };
     caches.iter().zip(proxies).map(at).collect()
@@ -330,7 +330,7 @@ fn assert_frame(gpu: &Gpu, scene: &Scene, caches: &CacheSet) {
             if i == 1 && luminance(reaches) < if rounding(gpu) > 1.0 { 1e-10 } else { 1e-20 } {
                 continue;
             }
-            let twin = occlude(cache, &before, &discs, &Choices::default());
+            let twin = occlude(cache, &before, &discs);
             dimmed += usize::from(luminance(twin.facing_irradiance) < 0.9 * luminance(before.facing_irradiance));
             let length = before.facing_irradiance.length().max(f64::MIN_POSITIVE);
             let off = found.facing_irradiance.distance(twin.facing_irradiance) / length;

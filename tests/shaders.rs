@@ -410,7 +410,7 @@ fn squares_of_discs_are_those_of_their_form_factors() {
     let bound = |_: &[f64; 5]| (FEW, 4.0 * FEW);
     let expression = "vec4(disc_side2(v(0) * x[4], vec3(0.6, 0.0, -0.8), vec3(0.0, 0.6, 0.8), x[3]))";
     check4(OVERLAP, expression, &inputs, bound, |x| {
-        let (d, square) = (offset(x), occlude::Choices::default().square);
+        let (d, square) = (offset(x), occlude::SQUARE);
         let direction = d.normalize_or_zero();
         let (cos_l, cos_x) = (disc.dot(direction).abs(), normal.dot(direction));
         [if d.length() < 1e-20 { 0.0 } else { square * disc_form_factor(x[3], cos_l, cos_x, d.length_squared()) }; 4]
@@ -432,8 +432,7 @@ fn tangents_lie_on_the_surface_along_the_light() {
         |x| {
             let (normal, direction) = (dvec3(x[0], x[1], x[2]).normalize(), dvec3(x[3], x[4], x[5]).normalize());
             let cache = Cache { position: DVec3::ZERO, normal, exponent: 1.0 };
-            let [tangent, bitangent] =
-                occlude::Light::new(&cache, direction, 0.1, &occlude::Choices::default()).tangents();
+            let [tangent, bitangent] = occlude::Light::new(&cache, direction, 0.1).tangents();
             assert!((tangent.length() - 1.0).abs() < 1e-9 && tangent.dot(normal).abs() < 1e-9);
             assert!(bitangent.distance(normal.cross(tangent)) < 1e-9);
             [tangent.x, tangent.y, tangent.z, 0.0]

@@ -130,18 +130,24 @@ Dipoles mean_dipoles(Dipoles s) {
     return s;
 }
 
-// Reflectance of a cache's own dipole, with the width of the mean dipole.
-vec3 own_reflectance(Filled f, Dipoles mean, ProxyDipole p) {
-    vec3 r2 = vec3(dot(p.place_r, p.place_r), dot(p.place_g, p.place_g), dot(p.place_b, p.place_b));
-    return spread_reflectance(f, r2, mean.variance, mean.widest) * vec3(greaterThan(p.irradiance, vec3(0.0)));
+vec3 log2_or_least(vec3 irradiance) {
+    return log2(max(irradiance, vec3(LEAST_IRRADIANCE)));
 }
 
-// Irradiance from below at the point [lx]; `own` is the weighted sum of the caches' own reflectances. (5.92), (5.93),
-// with the scale as a quotient of averages.
-vec3 irradiance_below(Filled f, Dipoles mean, vec3 own) {
+// Logarithm of the scale of a cache's own dipole, with the width of the mean dipole; 0 for channels without light. (5.90)
+vec3 own_scale(Filled f, Dipoles mean, ProxyDipole p) {
+    vec3 r2 = vec3(dot(p.place_r, p.place_r), dot(p.place_g, p.place_g), dot(p.place_b, p.place_b));
+    vec3 own = spread_reflectance(f, r2, mean.variance, mean.widest);
+    return (log2_or_least(p.irradiance) - log2_or_least(own)) * vec3(greaterThan(p.irradiance, vec3(0.0)));
+}
+
+// Irradiance from below at the point [lx]; `scales`: weighted sum of the caches' `own_scale`. (5.92), (5.93), with the
+// geometric mean of the scales: light inside decays exponentially, so the brightest cache would outshine all others.
+vec3 irradiance_below(Filled f, Dipoles mean, vec3 scales) {
     vec3 here = spread_reflectance(f, mean.second, mean.variance, mean.widest);
-    vec3 brighter = clamp(here * mean.lit / max(own, vec3(1e-37)), vec3(1e-37), vec3(MOST_BRIGHTER));
-    brighter = exp2((1.0 - mean.follows) * log2(brighter));
+    vec3 share = 1.0 / max(mean.lit, vec3(1e-30));
+    vec3 brighter = log2_or_least(here) + scales * share - log2_or_least(mean.irradiance * share);
+    brighter = exp2((1.0 - mean.follows) * clamp(brighter, vec3(-126.0), vec3(log2(MOST_BRIGHTER))));
     return mean.all > 0.0 ? mean.irradiance / mean.all * brighter : vec3(0.0);
 }
 

@@ -74,7 +74,7 @@ fn spread(medium: &Medium, channel: usize, r2: f64, variance: f64, wide: f64) ->
 }
 
 /// Irradiance from below \[lx\] at a point from the proxies of the caches around it, with positions \[m\] and weights:
-/// (5.92), (5.93) with averaged positions and the scale as a quotient of averages.
+/// (5.92), (5.93) with averaged positions and the geometric mean of the scales (5.90).
 pub fn interpolate(medium: &Medium, x: DVec3, caches: &[(DVec3, f64, ProxyDipole)]) -> DVec3 {
     let all: f64 = caches.iter().map(|(_, weight, _)| weight).sum();
     let middle = caches.iter().map(|(position, weight, _)| *weight * (*position - x)).sum::<DVec3>() / all;
@@ -103,17 +103,20 @@ pub fn interpolate(medium: &Medium, x: DVec3, caches: &[(DVec3, f64, ProxyDipole
         let variance = variance / lit + between;
         // If positions move with the caches, light comes from all around: average irradiance itself.
         let follows = (between / apart.max(1e-30)).clamp(0.0, 1.0);
-        let (mut own, mut weights) = (0.0, 0.0);
+        let mut scale = 0.0;
         for (_, weight, proxy) in caches.iter().filter(|(_, _, proxy)| proxy.irradiance[i] > 0.0) {
-            own += weight * spread(medium, i, proxy.place[i].length_squared(), variance, wide);
-            weights += weight;
+            let own = spread(medium, i, proxy.place[i].length_squared(), variance, wide);
+            scale += weight / lit * (proxy.irradiance[i].max(LEAST) / own.max(LEAST)).ln();
         }
         let here = spread(medium, i, place.length_squared(), variance, wide);
-        let brighter = (here * weights / own.max(f64::MIN_POSITIVE)).min(MOST_BRIGHTER);
+        let brighter = (here.max(LEAST) * scale.exp() * lit / sum).min(MOST_BRIGHTER);
         irradiance[i] = sum / all * brighter.powf(1.0 - follows);
     }
     irradiance
 }
+
+/// Least irradiance \[lx\] or reflectance [1/m^2] that counts.
+const LEAST: f64 = 1e-37;
 
 /// Upper bound of a point's brightness relative to the mean of its caches, for light that falls between caches.
 pub const MOST_BRIGHTER: f64 = 64.0;

@@ -1,8 +1,8 @@
 //! Stage 7, occlusion: dims a cache's proxy lights by the discs of all caches. METHOD 6, thesis 5.4.
 //!
 //! A proxy light becomes a sphere as large as the spread of its VALs. Sphere and discs become axis-aligned squares on
-//! the cache's unit disc; the part of the sphere's square that discs cover is lost. Points that the thesis leaves open
-//! or ambiguous are choices; the defaults are the engine's.
+//! the cache's unit disc; the part of the sphere's square that discs cover is lost. docs/choices.md compares the
+//! choices that the thesis leaves open.
 
 use glam::{DVec2, DVec3, dvec2};
 
@@ -20,81 +20,11 @@ pub struct Disc {
     pub area: f64,
 }
 
-/// Sides from which a disc occludes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Facing {
-    /// The front only: a closed body occludes once.
-    Front,
-    /// Both sides: squares are smaller than the surfaces that they represent, and the back of a body fills the gaps.
-    #[default]
-    Both,
-}
+/// Area of a square relative to its form factor. The thesis prints 1; pi is what a form factor covers on the unit disc.
+pub const SQUARE: f64 = 2.0;
 
-/// Radius of a proxy light's sphere, from the variance of its VALs' positions.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Radius {
-    /// The largest standard deviation along the world's axes, as printed.
-    LongestAxis,
-    /// Twice that: the radius of a uniform disc that contains the axis.
-    TwiceLongestAxis,
-    /// The standard deviation in space, which does not depend on the scene's orientation.
-    Deviation,
-    /// That times sqrt(2): the radius of a uniform disc in any orientation.
-    #[default]
-    Disc,
-}
-
-/// Orientation of the squares on the unit disc.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Tangents {
-    /// The world's axes, rotated by the shortest rotation from +Y to the normal: smooth except in one direction.
-    Surface,
-    /// Along the direction to the light: rotates with the scene.
-    #[default]
-    Light,
-}
-
-/// Limit of double counting.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Cap {
-    /// No limit.
-    None,
-    /// The bounding rectangle of the overlaps of discs that occlude at all.
-    #[default]
-    InTheWay,
-    /// The bounding rectangle of all overlaps, including discs behind the light.
-    All,
-}
-
-/// Choices for the visible share of light.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Choices {
-    /// Area of a square relative to its form factor: 1 as printed; pi is what a form factor covers on the unit disc.
-    pub square: f64,
-    /// Distance in front of the light at which a disc occludes fully, in radii of the sphere; 1 as printed.
-    pub fade: f64,
-    /// Sides from which discs occlude.
-    pub facing: Facing,
-    /// Size of the light.
-    pub radius: Radius,
-    /// Orientation of the squares.
-    pub tangents: Tangents,
-    /// Limit of double counting.
-    pub cap: Cap,
-}
-
-impl Default for Choices {
-    fn default() -> Self {
-        Self {
-            square: 2.0,
-            fade: 2.0,
-            facing: Facing::default(),
-            radius: Radius::default(),
-            tangents: Tangents::default(),
-            cap: Cap::default(),
-        }
-    }
-}
+/// Distance in front of the light at which a disc occludes fully, in radii of the light's sphere; 1 as printed.
+const FADE: f64 = 2.0;
 
 /// Lower bound of a proxy light's radius, relative to its distance from the cache: a point has no area to cover, and
 /// smaller f32 variances are rounding errors.
@@ -102,19 +32,6 @@ pub const LEAST_RADIUS: f64 = 1.0 / 64.0;
 
 /// Sine between normal and light below which the light gives no direction for the squares.
 pub const LEAST_SINE: f64 = 1e-3;
-
-impl Radius {
-    /// Radius \[m\] of the sphere for a variance [m^2] along each axis; [`Light`] applies the lower bound.
-    pub fn of(self, variance: DVec3) -> f64 {
-        let variance = variance.max(DVec3::ZERO);
-        match self {
-            Self::LongestAxis => variance.max_element().sqrt(),
-            Self::TwiceLongestAxis => 2.0 * variance.max_element().sqrt(),
-            Self::Deviation => variance.element_sum().sqrt(),
-            Self::Disc => (2.0 * variance.element_sum()).sqrt(),
-        }
-    }
-}
 
 /// Variance [m^2] in space of a lobe's VALs, from their mean squared distance and mean position.
 pub fn variance(cache: &Cache, lobe: &Lobe) -> f64 {
@@ -162,20 +79,17 @@ pub struct Light {
 
 impl Light {
     /// The light at `position` \[m\] as a sphere of at least this radius \[m\].
-    pub fn new(cache: &Cache, position: DVec3, radius: f64, choices: &Choices) -> Self {
+    pub fn new(cache: &Cache, position: DVec3, radius: f64) -> Self {
         let offset = position - cache.position;
         let distance = offset.length();
         let direction = offset / distance;
         let radius = radius.max(LEAST_RADIUS * distance);
         let aside = direction - cache.normal.dot(direction) * cache.normal;
-        let tangent = match choices.tangents {
-            Tangents::Light if aside.length() > LEAST_SINE => aside.normalize(),
-            _ => surface_tangent(cache.normal),
-        };
+        let tangent = if aside.length() > LEAST_SINE { aside.normalize() } else { surface_tangent(cache.normal) };
         let tangents = [tangent, cache.normal.cross(tangent)];
         let form_factor = sphere_form_factor(radius * radius, cache.normal.dot(direction), distance * distance);
         let centre = dvec2(tangents[0].dot(direction), tangents[1].dot(direction));
-        Self { offset, radius, tangents, centre, area: choices.square * form_factor }
+        Self { offset, radius, tangents, centre, area: SQUARE * form_factor }
     }
 
     /// Frame of its square and those of discs: unit tangents of the surface.
@@ -186,7 +100,7 @@ impl Light {
 
 /// Visible share of a light's sphere from the cache, 0 to 1; listing 5.3. The cache's own disc may be in the list: it
 /// lies in the cache's plane.
-pub fn visible(cache: &Cache, light: &Light, discs: &[Disc], choices: &Choices) -> f64 {
+pub fn visible(cache: &Cache, light: &Light, discs: &[Disc]) -> f64 {
     if light.area <= 0.0 {
         return 1.0;
     }
@@ -199,27 +113,28 @@ pub fn visible(cache: &Cache, light: &Light, discs: &[Disc], choices: &Choices) 
             continue;
         }
         let direction = offset / d2.sqrt();
-        let cosine = -disc.normal.dot(direction);
-        let cosine = if choices.facing == Facing::Both { cosine.abs() } else { cosine };
-        let area = choices.square * disc_form_factor(disc.area, cosine, cache.normal.dot(direction), d2);
+        // Both sides occlude: squares are smaller than the surfaces they stand for, and the back of a body fills the gaps.
+        let cosine = disc.normal.dot(direction).abs();
+        let area = SQUARE * disc_form_factor(disc.area, cosine, cache.normal.dot(direction), d2);
         let centre = dvec2(light.tangents[0].dot(direction), light.tangents[1].dot(direction));
         let Some([from, to]) = overlap(light.centre, light.area.sqrt(), centre, area.sqrt()) else { continue };
-        let share = fade((offset - light.offset).dot(towards_cache), choices.fade * light.radius);
+        let share = fade((offset - light.offset).dot(towards_cache), FADE * light.radius);
         sum += share * (to - from).element_product();
-        if share > 0.0 || choices.cap == Cap::All {
+        if share > 0.0 {
             (low, high) = (low.min(from), high.max(to));
         }
     }
-    let most = if choices.cap == Cap::None || sum == 0.0 { sum } else { (high - low).element_product() };
+    // Limit of double counting: the bounding rectangle of the overlaps of discs that occlude at all.
+    let most = if sum == 0.0 { 0.0 } else { (high - low).element_product() };
     (1.0 - sum.min(most) / light.area).max(0.0)
 }
 
 /// Dims a lobe by its occluders, as the engine does; unlit lobes stay unchanged.
-pub fn occlude(cache: &Cache, lobe: &Lobe, discs: &[Disc], choices: &Choices) -> Lobe {
+pub fn occlude(cache: &Cache, lobe: &Lobe, discs: &[Disc]) -> Lobe {
     if !lobe.lit {
         return *lobe;
     }
-    let radius = choices.radius.of(DVec3::splat(variance(cache, lobe) / 3.0));
-    let light = Light::new(cache, lobe.position, radius, choices);
-    Lobe { facing_irradiance: lobe.facing_irradiance * visible(cache, &light, discs, choices), ..*lobe }
+    // The radius of a uniform disc in any orientation with this variance.
+    let light = Light::new(cache, lobe.position, (2.0 * variance(cache, lobe)).sqrt());
+    Lobe { facing_irradiance: lobe.facing_irradiance * visible(cache, &light, discs), ..*lobe }
 }

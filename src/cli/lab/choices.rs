@@ -21,9 +21,6 @@ pub(super) struct Choices {
     /// Replace the exponent of every exact Phong lobe [default: unchanged].
     #[arg(long, value_name = "K", value_parser = crate::cli::positive)]
     exponent: Option<f64>,
-    /// Compare methods of shadowing proxy lights with rays, on the five built-in scenes of --shadows or on SCENE.
-    #[arg(long, conflicts_with = "shadows")]
-    occlusion: bool,
     /// Compare the shadows of indirect light with one bounce of the path tracer.
     ///
     /// Uses SCENE, or the atrium and five built-in scenes whose indirect light is mostly shadowed.
@@ -39,9 +36,6 @@ pub(super) struct Choices {
 pub(super) fn run(args: &Choices) -> Result<()> {
     if args.shadows {
         return shadows(args);
-    }
-    if args.occlusion {
-        return dimming(args);
     }
     let mut scene = match &args.scene {
         Some(path) => crate::cli::divided(crate::cli::load_punctual(Some(path))?, &args.caches),
@@ -123,29 +117,6 @@ fn shadowed_scenes(args: &Choices) -> Result<Vec<Scene>> {
         Some(path) => vec![crate::cli::load_punctual(Some(path))?],
         None => scenes::Shadowed::ALL.iter().map(|which| which.scene()).collect(),
     })
-}
-
-/// Prints the errors of cache light for the variants of stage 7.
-fn dimming(args: &Choices) -> Result<()> {
-    let settings = StudySettings { size: args.size, caches: args.caches.count(), rsm: args.rsm as usize };
-    match &args.scene {
-        Some(path) => dimming_in(&crate::cli::divided(crate::cli::load_punctual(Some(path))?, &args.caches), &settings),
-        None => scenes::Shadowed::ALL.iter().try_for_each(|which| dimming_in(&which.scene(), &settings)),
-    }
-}
-
-fn dimming_in(scene: &Scene, settings: &StudySettings) -> Result<()> {
-    let camera = crate::cli::camera::camera(scene, None)?;
-    let study = Study::new(scene, &camera, *settings)?;
-    let [caches, vals] = study.counts();
-    say!("{}: {caches} caches, {vals} live VALs; light at caches against a ray to each VAL", scene.name);
-    say!("{:<40}{:>10}{:>9}{:>9} | glossy:{:>9}{:>9}{:>9}", "", "bias", "rmse", "MAPE", "bias", "rmse", "MAPE");
-    for row in study.dimming() {
-        let [diffuse, glossy] =
-            row.lobes.map(|lobe| format!("{:>+9.1}%{:>9.3}{:>9.3}", 100.0 * lobe.bias, lobe.rmse, lobe.mape));
-        say!("  {:<38}{diffuse} |        {glossy}", row.name);
-    }
-    Ok(())
 }
 
 /// Prints all tables of a scene.

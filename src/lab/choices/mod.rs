@@ -2,11 +2,9 @@
 //! VALs. Light is interpolated at the vertices as in the engine. The ground truth is brute force with the same VALs, or
 //! unshadowed light paths, the limit of infinitely many VALs. Runs on the CPU only.
 
-mod dimming;
 mod study;
 mod variants;
 
-pub use dimming::{Dimmed, DimmedLobe};
 pub use study::{Study, StudySettings};
 
 use rayon::prelude::*;

@@ -10,7 +10,6 @@ use crate::error::Result;
 use crate::reference::brdf::fitted;
 use crate::reference::brute_force;
 use crate::reference::gather::Cache;
-use crate::reference::occlude::Disc;
 use crate::reference::path_trace::camera_ray;
 use crate::reference::phong::{Material, mirrored_view};
 use crate::reference::rsm::{self, Val, View};
@@ -70,8 +69,6 @@ pub struct Study<'a> {
     pub(super) pixels: Vec<Pixel>,
     pub(super) vertices: Vec<Vertex>,
     pub(super) caches: Vec<Cache>,
-    /// The caches as occluders of proxy lights.
-    pub(super) discs: Vec<Disc>,
     /// Index of each instance's first cache.
     pub(super) first: Vec<usize>,
     /// `d_eps` \[m\] of the bake.
@@ -92,13 +89,6 @@ impl<'a> Study<'a> {
         let baked = bake::bake(scene, &bake_settings, &|_, _| ())?;
         let world = World::new(scene);
         let (caches, first) = caches(scene, &baked);
-        let shares = baked.instance_model.iter().flat_map(|model| &baked.models[*model].caches);
-        let disc = |(at, share): (&Cache, &bake::Cache)| Disc {
-            position: at.position,
-            normal: at.normal,
-            area: share.area.into(),
-        };
-        let discs = caches.iter().zip(shares).map(disc).collect();
         let vals = vals(scene, &world, settings.rsm, None);
         let mut study = Self {
             scene,
@@ -108,7 +98,6 @@ impl<'a> Study<'a> {
             pixels: Vec::new(),
             vertices: Vec::new(),
             caches,
-            discs,
             first,
             spacing: baked.spacing,
             vals,
