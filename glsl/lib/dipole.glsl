@@ -130,8 +130,9 @@ Dipoles mean_dipoles(Dipoles s) {
     return s;
 }
 
-vec3 log2_or_least(vec3 irradiance) {
-    return log2(max(irradiance, vec3(LEAST_IRRADIANCE)));
+// Logarithm to base 2 of an irradiance [lx] or a reflectance [1/m^2], finite also in the dark.
+vec3 log2_or_least(vec3 value) {
+    return log2(max(value, vec3(LEAST_IRRADIANCE)));
 }
 
 // Logarithm of the scale of a cache's own dipole, with the width of the mean dipole; 0 for channels without light. (5.90)

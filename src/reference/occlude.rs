@@ -28,13 +28,13 @@ const FADE: f64 = 2.0;
 
 /// Lower bound of a proxy light's radius, relative to its distance from the cache: a point has no area to cover, and
 /// smaller f32 variances are rounding errors.
-pub const LEAST_RADIUS: f64 = 1.0 / 64.0;
+const LEAST_RADIUS: f64 = 1.0 / 64.0;
 
 /// Sine between normal and light below which the light gives no direction for the squares.
-pub const LEAST_SINE: f64 = 1e-3;
+const LEAST_SINE: f64 = 1e-3;
 
 /// Variance [m^2] in space of a lobe's VALs, from their mean squared distance and mean position.
-pub fn variance(cache: &Cache, lobe: &Lobe) -> f64 {
+fn variance(cache: &Cache, lobe: &Lobe) -> f64 {
     (lobe.distance2 - lobe.position.distance_squared(cache.position)).max(0.0)
 }
 
@@ -57,7 +57,7 @@ pub fn overlap(centre: DVec2, side: f64, other: DVec2, other_side: f64) -> Optio
 }
 
 /// Tangent of a surface: +X, rotated by the shortest rotation from +Y to the normal.
-pub fn surface_tangent(normal: DVec3) -> DVec3 {
+fn surface_tangent(normal: DVec3) -> DVec3 {
     let scale = 1.0 + normal.y;
     if scale < 1e-6 { DVec3::X } else { DVec3::X - normal.x / scale * (normal + DVec3::Y) }
 }
@@ -100,7 +100,7 @@ impl Light {
 
 /// Visible share of a light's sphere from the cache, 0 to 1; listing 5.3. The cache's own disc may be in the list: it
 /// lies in the cache's plane.
-pub fn visible(cache: &Cache, light: &Light, discs: &[Disc]) -> f64 {
+fn visible(cache: &Cache, light: &Light, discs: &[Disc]) -> f64 {
     if light.area <= 0.0 {
         return 1.0;
     }
