@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{DVec3, dvec3, vec3};
-use lightskin::reference::dipole::diffuse_reflectance;
+use lightskin::reference::dipole::{MOST_BRIGHTER, ProxyDipole, diffuse_reflectance, interpolate};
 use lightskin::reference::volume::{Volume, refracted, walk};
 use lightskin::scene::medium::{Medium, SOURCES, Shape, Subsurface, fresnel, inner_reflectance, source};
 
@@ -120,6 +120,38 @@ fn comes_back(albedo: f64) -> f64 {
         h = (0..N).map(|i| at(&h, mu(i))).collect();
     }
     1.0 - at(&h, 1.0) * root
+}
+
+#[test]
+fn points_have_bounds_on_their_brightness() {
+    // Distance of the light from the point and from the only cache, distance of the near source [m], effective extinction
+    // [1/m], irradiance at the cache [lx].
+    let inputs = random(92, 4000, [(0.0, 0.05), (0.0, 0.05), (1e-3, 0.01), (0.0, 1000.0), (0.1, 1e4)]);
+    let medium = |x: &[f64; 5]| Medium {
+        depths: [DVec3::splat(x[2]), DVec3::splat(7.0 * x[2])],
+        sigma_tr: DVec3::splat(x[3]),
+        strength: DVec3::ONE,
+        ..of(1.0, 1.0, 0.0, 1.3).medium()
+    };
+    let of_source = |share: f64, depth: &str| format!("vec3({share:?} * exp(-x[3] * {depth}))");
+    let [near, far] = [of_source(SOURCES[0], "x[2]"), of_source(SOURCES[1], "7.0 * x[2]")];
+    let made = format!("Filled(vec3(x[2]), 1.0, vec3(7.0 * x[2]), 1.3, vec3(x[3]), {near}, {far}, vec3(1.0))");
+    let o = "vec3(0.0)";
+    let mean =
+        format!("Dipoles(1.0, {o}, 0.0, vec3(x[4]), vec3(1.0), {o}, {o}, {o}, vec3(x[0] * x[0]), {o}, {o}, {o})");
+    let at = "vec3(x[1], 0.0, 0.0)";
+    let proxy = format!("ProxyDipole(vec3(x[4]), 0u, {at}, {at}, {at}, {o}, {o})");
+    let expression = format!("vec4(irradiance_below({made}, {mean}, own_scale({made}, {mean}, {proxy})), 0.0)");
+    let twin = |x: &[f64; 5]| {
+        let place = [dvec3(x[1], 0.0, 0.0); 3];
+        let proxy = ProxyDipole { irradiance: DVec3::splat(x[4]), place, ..ProxyDipole::default() };
+        interpolate(&medium(x), DVec3::ZERO, &[(dvec3(x[0] - x[1], 0.0, 0.0), 1.0, proxy)])
+    };
+    let at_bound =
+        inputs.iter().map(|x| x.map(f64::from)).filter(|x| twin(x).x > (MOST_BRIGHTER - 1e-6) * x[4]).count();
+    assert!((100..3900).contains(&at_bound), "{at_bound}");
+    // Logarithms of up to 100 have a rounding error of 1e-5.
+    check4(DIPOLE, &expression, &inputs, |_| (3e-4, 1e-30), |x| twin(x).extend(0.0).to_array());
 }
 
 #[test]
