@@ -29,7 +29,7 @@ vec3 from_below(DrawRecord draw, uint vertex, uint part, vec3 position) {
     vec3 scales = vec3(0.0);
     for (uint round = 0u; round < 2u; ++round) {
         if (round > 0u) {
-            mean = mean_dipoles(mean);
+            mean = mean_dipoles(f, mean);
         }
         for (uint i = 0u; i < REFERENCES; ++i) {
             uint cache = referred_cache(draw, vertex, i);

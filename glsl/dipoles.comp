@@ -19,6 +19,7 @@ struct Sums {
     vec3 irradiance;
     vec3 second;
     vec3 widest;
+    vec3 facing;
     vec3 place_r;
     vec3 place_g;
     vec3 place_b;
@@ -32,10 +33,13 @@ vec3 received(Cache c, Proxy p) {
     return p.diffuse_distance2 > 0.0 ? p.diffuse_irradiance * max(dot(towards, c.normal), 0.0) : vec3(0.0);
 }
 
-void take(inout Sums s, vec3 d, vec3 given, float widest) {
+// Adds the part of `given` that caches bring.
+void take(inout Sums s, Filled f, vec3 d, vec3 given, float widest, float facing) {
+    given *= brought(f, vec3(dot(d, d)), vec3(widest), vec3(facing));
     s.irradiance += given;
     s.second += given * dot(d, d);
     s.widest += given * widest;
+    s.facing += given * facing;
     s.place_r += given.r * d;
     s.place_g += given.g * d;
     s.place_b += given.b * d;
@@ -48,14 +52,16 @@ void main() {
     FilledCache own = filled_caches[min(at, push.count - 1u)];
     Filled f = filled[own.filled];
     vec3 here = caches[own.cache].position;
+    vec3 normal = caches[own.cache].normal;
     vec3 o = vec3(0.0);
-    Sums s = Sums(o, o, o, o, o, o, o);
+    Sums s = Sums(o, o, o, o, o, o, o, o);
     for (uint i = thread; i < inner_count; i += DIPOLE_THREADS) {
         Val val = inner_vals[i];
         if (val.kind == own.filled) {
             vec3 d = val.position - here;
             float widest = widest_of(val.area);
-            take(s, d, val.flux * diffuse_reflectance(f, vec3(dot(d, d)), vec3(widest)), widest);
+            vec3 given = val.flux * diffuse_reflectance(f, vec3(dot(d, d)), vec3(widest));
+            take(s, f, d, given, widest, on_same_side(normal, val.normal));
         }
     }
     for (uint i = thread; i < push.count; i += DIPOLE_THREADS) {
@@ -66,7 +72,8 @@ void main() {
             float widest = widest_of(c.area);
             vec3 given = c.area * diffuse_reflectance(f, vec3(dot(d, d)), vec3(widest));
             s.whole += given;
-            take(s, d, f.entering * received(c, proxies[other.cache]) * given, widest);
+            given *= f.entering * received(c, proxies[other.cache]);
+            take(s, f, d, given, widest, on_same_side(normal, c.normal));
         }
     }
     sums[thread] = s;
@@ -76,6 +83,7 @@ void main() {
             sums[thread].irradiance += sums[thread + step].irradiance;
             sums[thread].second += sums[thread + step].second;
             sums[thread].widest += sums[thread + step].widest;
+            sums[thread].facing += sums[thread + step].facing;
             sums[thread].place_r += sums[thread + step].place_r;
             sums[thread].place_g += sums[thread + step].place_g;
             sums[thread].place_b += sums[thread + step].place_b;
@@ -92,7 +100,7 @@ void main() {
     vec3 share = mix(vec3(0.0), 1.0 / max(s.irradiance, vec3(LEAST_IRRADIANCE)), is_lit);
     ProxyDipole p;
     // Bound for thin bodies: no part may send on more light than arrives.
-    p.irradiance = mix(vec3(0.0), f.from_afar * s.irradiance / max(s.whole, vec3(1.0)), is_lit);
+    p.irradiance = mix(vec3(0.0), s.irradiance / max(s.whole, vec3(1.0)), is_lit);
     p.filled = own.filled;
     p.place_r = s.place_r * share.r;
     p.place_g = s.place_g * share.g;
@@ -100,5 +108,6 @@ void main() {
     vec3 squares = vec3(dot(p.place_r, p.place_r), dot(p.place_g, p.place_g), dot(p.place_b, p.place_b));
     p.variance = max(s.second * share - squares, vec3(0.0));
     p.widest = s.widest * share;
+    p.facing = s.facing * share;
     dipoles[own.cache] = p;
 }

@@ -20,7 +20,9 @@ struct Filled {
     vec3 sigma_tr; // effective extinction [1/m]
     vec3 of_near; // integral of the near source over the plane: a share of the entering light
     vec3 of_far;
-    vec3 from_afar; // share of the light that pixels do not reflect themselves
+    vec3 close_by; // share of the entering light that pixels reflect themselves
+    vec3 from_afar; // share of the leaving light that they do not reflect
+    float around; // squared radius of the surface around a point whose light it reflects itself [m^2]
 };
 
 // A cache on a filled part.
@@ -38,6 +40,7 @@ struct ProxyDipole {
     vec3 place_b;
     vec3 variance; // of these positions [m^2]
     vec3 widest; // by how much the size of texels widens the dipole [m]
+    vec3 facing; // share of the light that entered on the cache's side of the body
 };
 
 // Push constants of the dipole gather.

@@ -66,7 +66,8 @@ fn shaders_are_the_twins() {
     // In a frame the host computes the numbers of a filled body. Here the shader does.
     let of_source = |share: f64, depth: &str| format!("vec3({share:?} * exp(-x[3] * {depth}))");
     let [near, far] = [of_source(1.5 * SOURCES[0], "x[2]"), of_source(1.5 * SOURCES[1], "7.0 * x[2]")];
-    let made = format!("Filled(vec3(x[2]), 1.0, vec3(7.0 * x[2]), x[4], vec3(x[3]), {near}, {far}, vec3(1.0))");
+    let o = "vec3(0.0)";
+    let made = format!("Filled(vec3(x[2]), 1.0, vec3(7.0 * x[2]), x[4], vec3(x[3]), {near}, {far}, {o}, vec3(1.0), 1.0)");
     let expression =
         format!("vec4(diffuse_reflectance({made}, vec3(x[0] * x[0]), vec3(x[1])), dielectric_fresnel(x[1], x[4]))");
     // An exponent of 100 has a rounding error of 1e-5.
@@ -131,20 +132,27 @@ fn points_have_bounds_on_their_brightness() {
         depths: [DVec3::splat(x[2]), DVec3::splat(7.0 * x[2])],
         sigma_tr: DVec3::splat(x[3]),
         strength: DVec3::ONE,
+        returned: DVec3::ONE,
+        close_by: DVec3::splat(0.3),
+        around: 1e-4,
         ..of(1.0, 1.0, 0.0, 1.3).medium()
     };
     let of_source = |share: f64, depth: &str| format!("vec3({share:?} * exp(-x[3] * {depth}))");
     let [near, far] = [of_source(SOURCES[0], "x[2]"), of_source(SOURCES[1], "7.0 * x[2]")];
-    let made = format!("Filled(vec3(x[2]), 1.0, vec3(7.0 * x[2]), 1.3, vec3(x[3]), {near}, {far}, vec3(1.0))");
     let o = "vec3(0.0)";
-    let mean =
-        format!("Dipoles(1.0, {o}, 0.0, vec3(x[4]), vec3(1.0), {o}, {o}, {o}, vec3(x[0] * x[0]), {o}, {o}, {o})");
+    let window = "vec3(0.3), vec3(0.7), 1e-4";
+    let made = format!("Filled(vec3(x[2]), 1.0, vec3(7.0 * x[2]), 1.3, vec3(x[3]), {near}, {far}, {window})");
+    let half = "vec3(0.5)";
+    let mean = format!(
+        "Dipoles(1.0, {o}, 0.0, vec3(sqrt(x[4])), vec3(1.0), {o}, {o}, {o}, vec3(x[0] * x[0]), {o}, {o}, {half}, {o})"
+    );
     let at = "vec3(x[1], 0.0, 0.0)";
-    let proxy = format!("ProxyDipole(vec3(x[4]), 0u, {at}, {at}, {at}, {o}, {o})");
+    let proxy = format!("ProxyDipole(vec3(x[4]), 0u, {at}, {at}, {at}, {o}, {o}, {half})");
     let expression = format!("vec4(irradiance_below({made}, {mean}, own_scale({made}, {mean}, {proxy})), 0.0)");
     let twin = |x: &[f64; 5]| {
         let place = [dvec3(x[1], 0.0, 0.0); 3];
-        let proxy = ProxyDipole { irradiance: DVec3::splat(x[4]), place, ..ProxyDipole::default() };
+        let (irradiance, facing) = (DVec3::splat(x[4]), DVec3::splat(0.5));
+        let proxy = ProxyDipole { irradiance, place, facing, ..ProxyDipole::default() };
         interpolate(&medium(x), DVec3::ZERO, &[(dvec3(x[0] - x[1], 0.0, 0.0), 1.0, proxy)])
     };
     let at_bound =

@@ -6,7 +6,7 @@ use lightskin::frame::check::Check;
 use lightskin::frame::{Antialiasing, ClusterRule, LightShadows, Near, Settings, Shadows, View, World};
 use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
 use lightskin::metrics::metrics;
-use lightskin::reference::dipole::{InnerVal, ProxyDipole, diffuse_reflectance, gather, interpolate, widest};
+use lightskin::reference::dipole::{InnerVal, ProxyDipole, brought, diffuse_reflectance, gather, interpolate, widest};
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::scene::build::{CornellSurface, quad, sphere};
 use lightskin::scene::medium::{Medium, Subsurface};
@@ -175,6 +175,7 @@ fn proxy(of: &shared::ProxyDipole) -> ProxyDipole {
         place: [of.place_r, of.place_g, of.place_b].map(Vec3::as_dvec3),
         variance: { of.variance }.as_dvec3(),
         widest: { of.widest }.as_dvec3(),
+        facing: { of.facing }.as_dvec3(),
     }
 }
 
@@ -196,7 +197,8 @@ fn dipoles_of_caches_are_the_twins_and_no_more_leaves_than_entered() {
         let bodies: Vec<(DVec3, f64)> = caches.iter().map(|c| ({ c.position }.as_dvec3(), f64::from(c.area))).collect();
         assert!(dipoles.len() > 50 && vals.len() > 100);
         let (mut worst, mut leaves) = (0.0_f64, DVec3::ZERO);
-        let twins: Vec<_> = bodies.iter().map(|(at, _)| gather(&medium, *at, &vals, &bodies)).collect();
+        let of = |c: &shared::Cache| [{ c.position }.as_dvec3(), { c.normal }.as_dvec3()];
+        let twins: Vec<_> = caches.iter().map(|c| gather(&medium, of(c), &vals, &bodies)).collect();
         let most = twins.iter().map(|twin| twin.irradiance.max_element()).fold(0.0, f64::max);
         for ((dipole, twin), (_, area)) in dipoles.iter().zip(&twins).zip(&bodies) {
             assert_eq!({ dipole.filled }, 0);
@@ -267,9 +269,12 @@ fn dipoles_find_light_between_caches() {
             let (mut errors, mut squares) = ([0.0; 2], 0.0);
             for (at, references, below) in &vertices {
                 let given = |val: &InnerVal| {
-                    val.flux * diffuse_reflectance(&medium, val.position.distance(*at), widest(val.area))
+                    let (d, wide) = (val.position.distance(*at), widest(val.area));
+                    let facing = (2.0 * val.normal.dot(at.normalize())).clamp(0.0, 1.0);
+                    let by = |i: usize| brought(&medium, i, d * d, wide, facing);
+                    val.flux * diffuse_reflectance(&medium, d, wide) * dvec3(by(0), by(1), by(2))
                 };
-                let truth = (1.0 - medium.close_by) * vals.iter().map(given).sum::<DVec3>();
+                let truth = vals.iter().map(given).sum::<DVec3>();
                 let place = |c: &usize| { caches[*c].position }.as_dvec3();
                 let d_max = references.iter().map(|c| place(c).distance(*at)).fold(1e-15, f64::max);
                 let (mut sum, mut weights) = (DVec3::ZERO, 0.0);

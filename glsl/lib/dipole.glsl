@@ -16,13 +16,21 @@ float dipole_weight(float d, float d_max) {
     return max(1.0 - d / d_max, 1e-6);
 }
 
-// One source of each channel's dipole: its part of R_d [1/m^2] at the squared lateral distance `r2`. `z` is its distance
-// from the surface, `widest` the minimal distance for the size of its texel. The form of (5.83).
-vec3 dipole_source(vec3 r2, vec3 z, vec3 sigma_tr, vec3 of_source, vec3 widest) {
+// Part of the light of one source of each channel's dipole that leaves farther than sqrt(r2) across the surface; `d`: the
+// distance of such points from the source, `decay` [1/m]. `z` is the source's distance from the surface, `widest` the
+// minimal distance for the size of its texel.
+vec3 source_beyond(vec3 r2, vec3 z, vec3 sigma_tr, vec3 of_source, vec3 widest, out vec3 d, out vec3 decay) {
     vec3 deep = max(z, widest);
-    vec3 decay = min(sigma_tr, max(sigma_tr * z, vec3(1.0)) / deep);
-    vec3 d = sqrt(r2 + deep * deep);
-    return of_source * deep * (1.0 + decay * d) * exp(-decay * (d - deep)) / (2.0 * PI * d * d * d);
+    decay = min(sigma_tr, max(sigma_tr * z, vec3(1.0)) / deep);
+    d = sqrt(r2 + deep * deep);
+    return of_source * deep / d * exp(-decay * (d - deep));
+}
+
+// One source of each channel's dipole: its part of R_d [1/m^2] at the squared lateral distance `r2`. The form of (5.83).
+vec3 dipole_source(vec3 r2, vec3 z, vec3 sigma_tr, vec3 of_source, vec3 widest) {
+    vec3 d, decay;
+    vec3 beyond = source_beyond(r2, z, sigma_tr, of_source, widest, d, decay);
+    return beyond * (1.0 + decay * d) / (2.0 * PI * d * d);
 }
 
 // Diffuse reflectance R_d [1/m^2] by channel.
@@ -35,9 +43,28 @@ float widest_of(float area) {
     return sqrt(area);
 }
 
-// R_d for light spread by this variance about its mean position.
-vec3 spread_reflectance(Filled f, vec3 r2, vec3 variance, vec3 widest) {
-    return diffuse_reflectance(f, r2, sqrt(widest * widest + 0.5 * variance));
+// Part of R_d that caches bring: pixels reflect the light that enters around them on their side themselves. `facing`: part
+// of the light that entered on this side. Wide texels bring light close by from afar, but no more than pixels leave.
+vec3 brought(Filled f, vec3 r2, vec3 widest, vec3 facing) {
+    vec3 d, decay;
+    vec3 around = vec3(f.around);
+    vec3 beyond = source_beyond(around, f.near, f.sigma_tr, f.of_near, widest, d, decay)
+        + source_beyond(around, f.far, f.sigma_tr, f.of_far, widest, d, decay);
+    vec3 all = f.of_near + f.of_far;
+    vec3 near = clamp(1.5 - r2 / around, vec3(0.0), vec3(1.0));
+    vec3 within = min(f.close_by / max(all - beyond, vec3(1e-30)), vec3(1.0));
+    return (1.0 - within * facing * near) * min(f.from_afar * all / max(beyond, vec3(1e-30)), vec3(1.0));
+}
+
+// Whether light entered on a point's side of the body, by both normals; a point without a normal has no side.
+float on_same_side(vec3 a, vec3 b) {
+    return dot(a, a) > 0.0 ? clamp(2.0 * dot(a, b), 0.0, 1.0) : 1.0;
+}
+
+// R_d, as far as caches bring it, for light spread by this variance about its mean position.
+vec3 spread_reflectance(Filled f, vec3 r2, vec3 variance, vec3 widest, vec3 facing) {
+    widest = sqrt(widest * widest + 0.5 * variance);
+    return diffuse_reflectance(f, r2, widest) * brought(f, r2, widest, facing);
 }
 
 // Fresnel reflectance of a smooth dielectric boundary for unpolarised light; `ior` is the far side's index over the
@@ -78,7 +105,7 @@ struct Dipoles {
     float all; // sum of weights
     vec3 from; // positions of caches relative to the point
     float from2; // their squared lengths
-    vec3 irradiance;
+    vec3 root; // of irradiance
     vec3 lit; // sum of weights of the lit caches
     vec3 place_r; // positions of the light relative to the point
     vec3 place_g;
@@ -86,12 +113,13 @@ struct Dipoles {
     vec3 second; // their squared lengths
     vec3 variance;
     vec3 widest;
+    vec3 facing;
     vec3 follows; // 0: all caches agree on one position; 1: the positions move with the caches
 };
 
 Dipoles no_dipoles() {
     vec3 o = vec3(0.0);
-    return Dipoles(0.0, o, 0.0, o, o, o, o, o, o, o, o, o);
+    return Dipoles(0.0, o, 0.0, o, o, o, o, o, o, o, o, o, o);
 }
 
 // Adds a cache's proxy dipole; `from` is the cache's position relative to the point.
@@ -103,7 +131,7 @@ void take_dipole(inout Dipoles s, float w, ProxyDipole p, vec3 from) {
     s.all += w;
     s.from += w * from;
     s.from2 += w * dot(from, from);
-    s.irradiance += w * p.irradiance;
+    s.root += w * sqrt(p.irradiance);
     s.lit += lit;
     s.place_r += lit.r * r;
     s.place_g += lit.g * g;
@@ -111,20 +139,23 @@ void take_dipole(inout Dipoles s, float w, ProxyDipole p, vec3 from) {
     s.second += lit * vec3(dot(r, r), dot(g, g), dot(b, b));
     s.variance += lit * p.variance;
     s.widest += lit * p.widest;
+    s.facing += lit * p.facing;
 }
 
-// Turns sums into means: `lit`, positions, `variance` (including the variance of the positions) and `widest`.
-Dipoles mean_dipoles(Dipoles s) {
+// Turns sums into means: positions, `variance` (including the variance of the positions), `widest` and `facing`.
+Dipoles mean_dipoles(Filled f, Dipoles s) {
     vec3 share = 1.0 / max(s.lit, vec3(1e-30));
     s.place_r *= share.r;
     s.place_g *= share.g;
     s.place_b *= share.b;
     s.widest *= share;
+    s.facing *= share;
     vec3 squares = vec3(dot(s.place_r, s.place_r), dot(s.place_g, s.place_g), dot(s.place_b, s.place_b));
     vec3 between = max(s.second * share - squares, vec3(0.0));
     vec3 middle = s.from / max(s.all, 1e-30);
     float apart = max(s.from2 / max(s.all, 1e-30) - dot(middle, middle), 1e-30);
-    s.follows = clamp(between / apart, 0.0, 1.0);
+    // Light that is as wide as the surface around a point has no position, either.
+    s.follows = clamp(between / apart + 2.0 * s.variance * share / f.around, 0.0, 1.0);
     s.variance = s.variance * share + between;
     s.second = squares;
     return s;
@@ -138,18 +169,21 @@ vec3 log2_or_least(vec3 value) {
 // Logarithm of the scale of a cache's own dipole, with the width of the mean dipole; 0 for channels without light. (5.90)
 vec3 own_scale(Filled f, Dipoles mean, ProxyDipole p) {
     vec3 r2 = vec3(dot(p.place_r, p.place_r), dot(p.place_g, p.place_g), dot(p.place_b, p.place_b));
-    vec3 own = spread_reflectance(f, r2, mean.variance, mean.widest);
+    vec3 own = spread_reflectance(f, r2, mean.variance, mean.widest, p.facing);
     return (log2_or_least(p.irradiance) - log2_or_least(own)) * vec3(greaterThan(p.irradiance, vec3(0.0)));
 }
 
 // Irradiance from below at the point [lx]; `scales`: weighted sum of the caches' `own_scale`. (5.92), (5.93), with the
 // geometric mean of the scales: light inside decays exponentially, so the brightest cache would outshine all others.
 vec3 irradiance_below(Filled f, Dipoles mean, vec3 scales) {
-    vec3 here = spread_reflectance(f, mean.second, mean.variance, mean.widest);
+    vec3 here = spread_reflectance(f, mean.second, mean.variance, mean.widest, mean.facing);
     vec3 share = 1.0 / max(mean.lit, vec3(1e-30));
-    vec3 brighter = log2_or_least(here) + scales * share - log2_or_least(mean.irradiance * share);
+    vec3 root = mean.root / max(mean.all, 1e-30);
+    vec3 irradiance = root * root;
+    vec3 of_lit = irradiance * mean.all * share;
+    vec3 brighter = log2_or_least(here) + scales * share - log2_or_least(of_lit);
     brighter = exp2((1.0 - mean.follows) * clamp(brighter, vec3(-126.0), vec3(log2(MOST_BRIGHTER))));
-    return mean.all > 0.0 ? mean.irradiance / mean.all * brighter : vec3(0.0);
+    return irradiance * brighter;
 }
 
 #endif

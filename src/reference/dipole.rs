@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use crate::scene::medium::{Medium, fresnel};
+use crate::scene::medium::{Medium, SOURCES, fresnel};
 pub use crate::scene::medium::{diffuse_reflectance, widest};
 
 /// Light that entered a body through one texel of an RSM or around one cache.
@@ -32,24 +32,30 @@ pub struct ProxyDipole {
     pub variance: DVec3,
     /// Widening of the dipole by the size of texels \[m\].
     pub widest: DVec3,
+    /// Share of the light that entered on the cache's side of the body.
+    pub facing: DVec3,
 }
 
 /// Sums a body's inner VALs at a cache. `bodies` are the position and area of all caches of the body; they limit the
 /// sum, because no part may send on more light than arrives.
-pub fn gather(medium: &Medium, cache: DVec3, vals: &[InnerVal], bodies: &[(DVec3, f64)]) -> ProxyDipole {
+pub fn gather(medium: &Medium, at: [DVec3; 2], vals: &[InnerVal], bodies: &[(DVec3, f64)]) -> ProxyDipole {
+    let [cache, normal] = at;
     let whole = bodies.iter().fold(DVec3::ZERO, |sum, &(position, area)| {
         sum + area * diffuse_reflectance(medium, position.distance(cache), widest(area))
     });
-    let share = (1.0 - medium.close_by) / whole.max(DVec3::ONE);
     let mut proxy = ProxyDipole::default();
     let mut second = DVec3::ZERO;
     for val in vals {
         let d = val.position - cache;
         let wide = widest(val.area);
-        let given = val.flux * diffuse_reflectance(medium, d.length(), wide);
+        let facing = (2.0 * normal.dot(val.normal)).clamp(0.0, 1.0);
+        let r_d = diffuse_reflectance(medium, d.length(), wide);
+        let by = |i: usize| brought(medium, i, d.length_squared(), wide, facing);
+        let given = val.flux * r_d * DVec3::new(by(0), by(1), by(2));
         proxy.irradiance += given;
         second += given * d.length_squared();
         proxy.widest += given * wide;
+        proxy.facing += given * facing;
         for i in 0..3 {
             proxy.place[i] += given[i] * d;
         }
@@ -59,18 +65,39 @@ pub fn gather(medium: &Medium, cache: DVec3, vals: &[InnerVal], bodies: &[(DVec3
         if sum > 0.0 {
             proxy.place[i] /= sum;
             proxy.widest[i] /= sum;
+            proxy.facing[i] /= sum;
             proxy.variance[i] = (second[i] / sum - proxy.place[i].length_squared()).max(0.0);
         }
     }
-    proxy.irradiance *= share;
+    proxy.irradiance /= whole.max(DVec3::ONE);
     proxy
 }
 
-/// One channel of `R_d` for light with this variance [m^2] about a position `r` \[m\] away.
-fn spread(medium: &Medium, channel: usize, r2: f64, variance: f64, wide: f64) -> f64 {
+/// Part of `R_d` in one channel that caches bring at the squared distance `r2` [m^2]; pixels reflect what enters around
+/// them on their own side. `facing`: part of the light that entered on this side.
+pub fn brought(medium: &Medium, channel: usize, r2: f64, wide: f64, facing: f64) -> f64 {
+    let integral = |radius: f64| -> f64 {
+        let of = |source: usize| {
+            let (z, sigma_tr) = (medium.depths[source][channel], medium.sigma_tr[channel]);
+            let z_wide = z.max(wide);
+            let decay = sigma_tr.min((sigma_tr * z).max(1.0) / z_wide);
+            let d = radius.hypot(z_wide);
+            SOURCES[source] * (-sigma_tr * z).exp() * z_wide / d * (decay * (z_wide - d)).exp()
+        };
+        medium.strength[channel] * (of(0) + of(1))
+    };
+    let (all, beyond) = (integral(0.0), integral(medium.around.sqrt()));
+    let share = medium.close_by[channel];
+    let left_out = (share * medium.returned[channel] / (all - beyond).max(1e-30)).min(1.0);
+    let near = (1.5 - r2 / medium.around).clamp(0.0, 1.0);
+    (1.0 - left_out * facing * near) * ((1.0 - share) * all / beyond.max(1e-30)).min(1.0)
+}
+
+/// One channel of `R_d`, as far as caches bring it, for light with this variance [m^2] about a position.
+fn spread(medium: &Medium, channel: usize, r2: f64, variance: f64, wide: f64, facing: f64) -> f64 {
     // Spread light acts at its root mean square distance and is as wide.
     let wide = (wide * wide + 0.5 * variance).sqrt();
-    diffuse_reflectance(medium, r2.sqrt(), wide)[channel]
+    diffuse_reflectance(medium, r2.sqrt(), wide)[channel] * brought(medium, channel, r2, wide, facing)
 }
 
 /// Irradiance from below \[lx\] at a point from the proxies of the caches around it, with positions \[m\] and weights:
@@ -83,9 +110,9 @@ pub fn interpolate(medium: &Medium, x: DVec3, caches: &[(DVec3, f64, ProxyDipole
     let mut irradiance = DVec3::ZERO;
     for i in 0..3 {
         let (mut sum, mut lit, mut place) = (0.0, 0.0, DVec3::ZERO);
-        let (mut second, mut variance, mut wide) = (0.0, 0.0, 0.0);
+        let (mut second, mut variance, mut wide, mut facing) = (0.0, 0.0, 0.0, 0.0);
         for (position, weight, proxy) in caches {
-            sum += weight * proxy.irradiance[i];
+            sum += weight * proxy.irradiance[i].sqrt();
             if proxy.irradiance[i] > 0.0 {
                 let at = *position + proxy.place[i] - x;
                 lit += weight;
@@ -93,24 +120,27 @@ pub fn interpolate(medium: &Medium, x: DVec3, caches: &[(DVec3, f64, ProxyDipole
                 second += weight * at.length_squared();
                 variance += weight * proxy.variance[i];
                 wide += weight * proxy.widest[i];
+                facing += weight * proxy.facing[i];
             }
         }
         if lit <= 0.0 {
             continue;
         }
-        let (place, wide) = (place / lit, wide / lit);
+        let (place, wide, facing) = (place / lit, wide / lit, facing / lit);
         let between = (second / lit - place.length_squared()).max(0.0);
-        let variance = variance / lit + between;
-        // If positions move with the caches, light comes from all around: average irradiance itself.
-        let follows = (between / apart.max(1e-30)).clamp(0.0, 1.0);
+        let own_variance = variance / lit;
+        let variance = own_variance + between;
+        // If positions move with the caches or light is wide, it comes from all around: average irradiance itself.
+        let follows = (between / apart.max(1e-30) + 2.0 * own_variance / medium.around).clamp(0.0, 1.0);
+        let mean = (sum / all).powi(2);
         let mut scale = 0.0;
         for (_, weight, proxy) in caches.iter().filter(|(_, _, proxy)| proxy.irradiance[i] > 0.0) {
-            let own = spread(medium, i, proxy.place[i].length_squared(), variance, wide);
+            let own = spread(medium, i, proxy.place[i].length_squared(), variance, wide, proxy.facing[i]);
             scale += weight / lit * (proxy.irradiance[i].max(LEAST) / own.max(LEAST)).ln();
         }
-        let here = spread(medium, i, place.length_squared(), variance, wide);
-        let brighter = (here.max(LEAST) * scale.exp() * lit / sum).min(MOST_BRIGHTER);
-        irradiance[i] = sum / all * brighter.powf(1.0 - follows);
+        let here = spread(medium, i, place.length_squared(), variance, wide, facing);
+        let brighter = (here.max(LEAST) * scale.exp() * lit / (mean * all)).min(MOST_BRIGHTER);
+        irradiance[i] = mean * brighter.powf(1.0 - follows);
     }
     irradiance
 }

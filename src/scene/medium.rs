@@ -116,7 +116,12 @@ pub struct Medium {
     pub returned: DVec3,
     /// Share of the returned light that pixels reflect themselves, because caches cannot resolve where it leaves.
     pub close_by: DVec3,
+    /// Squared radius [m^2] of the surface around a pixel whose light it reflects itself.
+    pub around: f64,
 }
+
+/// Least squared radius [m^2] around a pixel; far below that of any cache's surface.
+const LEAST_AROUND: f64 = 1e-30;
 
 /// Share of each source in the light that leaves. Like the depths, these were fitted to random walks with albedos of .9
 /// and more and indices of refraction from 1 to 1.5, under uniform light.
@@ -141,8 +146,8 @@ impl Medium {
         let integral = SOURCES[0] * (-sigma_tr * depths[0]).exp() + SOURCES[1] * (-sigma_tr * depths[1]).exp();
         let returned = DVec3::from(albedo.to_array().map(|albedo| diffuse_albedo(albedo, ior)));
         let strength = returned / integral.max(DVec3::splat(f64::MIN_POSITIVE));
-        let (entering, close_by) = (1.0 - mean_fresnel(ior), DVec3::ZERO);
-        Self { extinction, albedo, sigma_tr, depths, ior, entering, strength, returned, close_by }
+        let (entering, close_by, around) = (1.0 - mean_fresnel(ior), DVec3::ZERO, LEAST_AROUND);
+        Self { extinction, albedo, sigma_tr, depths, ior, entering, strength, returned, close_by, around }
     }
 
     /// Share of the light entering a thick, flat body that leaves it again: the integral of `R_d` over the plane.

@@ -34,7 +34,7 @@ impl FilledBuffers {
     /// Creates the parts of a scene; `None` without translucent bodies.
     pub(super) fn new(
         gpu: &Device,
-        (scene, layouts, close_by): (&Scene, &[InstanceLayout], &[DVec3]),
+        (scene, layouts, close_by): (&Scene, &[InstanceLayout], &[CloseBy]),
         draws: &[DrawItem],
         (caches, surfaces): (&[ModelCache], &[CacheSurface]),
     ) -> Result<Option<Self>> {
@@ -54,8 +54,9 @@ impl FilledBuffers {
                     let medium = flat.in_body(&shape);
                     // Pixels reflect what a half space returns close by. The body may return more from afar.
                     let all = medium.returned.max(flat.returned).max(DVec3::splat(f64::MIN_POSITIVE));
-                    let close_by = close_by[material] * flat.returned / all;
-                    (Medium { close_by, ..medium }, Rc::new(backs))
+                    let CloseBy { share, around } = close_by[material];
+                    let close_by = share * flat.returned / all;
+                    (Medium { close_by, around: around.max(medium.around), ..medium }, Rc::new(backs))
                 });
                 parts.push(measured.clone());
             }
@@ -89,9 +90,17 @@ impl FilledBuffers {
     }
 }
 
-/// For each material, the part of the light from inside a half space that leaves within the radius of a mean cache's
-/// surface. Caches cannot resolve it: pixels reflect it themselves.
-pub(super) fn close_by(scene: &Scene, caches: Option<&CacheSet>) -> Vec<DVec3> {
+/// Light from inside that leaves close to where it entered. Caches cannot resolve it: pixels reflect it themselves.
+#[derive(Clone, Copy, Default)]
+pub(super) struct CloseBy {
+    /// Its part of the light that leaves a half space.
+    pub share: DVec3,
+    /// Squared radius of the surface around a point from which it comes [m^2].
+    around: f64,
+}
+
+/// Light that leaves close to where it entered, by material: within a circle of twice a mean cache's surface.
+pub(super) fn close_by(scene: &Scene, caches: Option<&CacheSet>) -> Vec<CloseBy> {
     let mut sums = vec![(0.0, 0.0); scene.materials.len()];
     for model in caches.iter().flat_map(|caches| &caches.models) {
         let materials = scene.meshes[model.mesh].triangle_materials();
@@ -101,8 +110,11 @@ pub(super) fn close_by(scene: &Scene, caches: Option<&CacheSet>) -> Vec<DVec3> {
         }
     }
     let of = |(material, (area, count)): (&Material, (f64, f64))| match material.subsurface {
-        Some(inside) if count > 0.0 => inside.medium().within((area / (count * PI)).sqrt()),
-        _ => DVec3::ZERO,
+        Some(inside) if count > 0.0 => {
+            let around = 2.0 * area / (count * PI);
+            CloseBy { share: inside.medium().within(around.sqrt()), around }
+        }
+        _ => CloseBy::default(),
     };
     scene.materials.iter().zip(sums).map(of).collect()
 }
@@ -166,7 +178,7 @@ fn points(triangles: &[[DVec3; 3]]) -> (Vec<[DVec3; 2]>, f64) {
 
 /// A medium in the form that shaders use.
 fn filled(medium: &Medium) -> shared::Filled {
-    let Medium { sigma_tr, depths: [near, far], ior, entering, strength, close_by, .. } = *medium;
+    let Medium { sigma_tr, depths: [near, far], ior, entering, strength, returned, close_by, around, .. } = *medium;
     let of_source = |share: f64, z: DVec3| (share * strength * (-sigma_tr * z).exp()).as_vec3();
     shared::Filled {
         near: near.as_vec3(),
@@ -176,6 +188,8 @@ fn filled(medium: &Medium) -> shared::Filled {
         sigma_tr: sigma_tr.as_vec3(),
         of_near: of_source(SOURCES[0], near),
         of_far: of_source(SOURCES[1], far),
+        close_by: (close_by * returned).as_vec3(),
         from_afar: (1.0 - close_by).as_vec3(),
+        around: around as f32,
     }
 }

@@ -130,7 +130,7 @@ pub struct World {
     /// Constant data of each instance.
     layouts: Vec<InstanceLayout>,
     /// For each material, the share of the light from inside that pixels reflect themselves.
-    close_by: Vec<DVec3>,
+    close_by: Vec<filled::CloseBy>,
     vertices: Buffer,
     indices: Buffer,
     materials: Buffer,

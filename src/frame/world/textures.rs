@@ -1,18 +1,19 @@
 //! Materials and textures for shaders.
 
+use super::filled::CloseBy;
 use crate::error::Result;
 use crate::gpu::{Device, Format, Image, SamplerKind};
 use crate::image::{mip_chain, normal_mip_chain};
 use crate::scene::{self, Material, Sampler, Scene, Texture, Wrap};
 use crate::shared::{self, TEXTURE_COUNT, TextureSlot};
 use ash::vk::SamplerAddressMode;
-use glam::{DVec3, Vec3, Vec4};
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// A material in the form that shaders use. `close_by` is the part of the light from inside that leaves close to where it
 /// entered.
-pub(super) fn material((m, close_by): (&Material, &DVec3)) -> shared::Material {
+pub(super) fn material((m, close_by): (&Material, &CloseBy)) -> shared::Material {
     shared::Material {
         base_color: m.base_color,
         emissive: m.emissive,
@@ -34,7 +35,7 @@ pub(super) fn material((m, close_by): (&Material, &DVec3)) -> shared::Material {
         coat_roughness: m.coat_roughness,
         sheen_color: m.sheen_color,
         sheen_roughness: m.sheen_roughness,
-        close_by: m.subsurface.map_or(Vec3::ZERO, |inside| (*close_by * inside.medium().diffuse_albedo()).as_vec3()),
+        close_by: m.subsurface.map_or(Vec3::ZERO, |inside| (close_by.share * inside.medium().diffuse_albedo()).as_vec3()),
         inside_ior: m.subsurface.map_or(0.0, |inside| inside.ior),
     }
 }

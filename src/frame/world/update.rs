@@ -2,6 +2,7 @@
 //! with the device's state, and the next frame copies the differences. Revisions tell the stages which inputs have
 //! changed.
 
+use super::filled::CloseBy;
 use super::lights::{self, LightInfo};
 use super::{AreaLight, BodyLight, SkyBuffer, SkyLight, World, albedo, textures};
 use crate::error::{Error, Result};
@@ -156,7 +157,7 @@ impl Dynamic {
         &mut self,
         scene: &Scene,
         origin: DVec3,
-        (layouts, close_by): (&[InstanceLayout], &[DVec3]),
+        (layouts, close_by): (&[InstanceLayout], &[CloseBy]),
     ) {
         self.instances.clear();
         self.mirrored.clear();
