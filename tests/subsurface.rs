@@ -272,7 +272,7 @@ fn dipoles_find_light_between_caches() {
             let Drawn { dipoles, inner, caches, vertices, medium, .. } = drawn(&scene, spacing, &knobs());
             let (medium, vals) = (medium.expect("a medium"), inner.iter().map(lit).collect::<Vec<_>>());
             let proxies: Vec<ProxyDipole> = dipoles.iter().map(proxy).collect();
-            let (mut errors, mut squares) = ([0.0; 2], 0.0);
+            let (mut errors, mut squares) = ([0.0; 3], 0.0);
             for (at, references, below) in &vertices {
                 let given = |val: &InnerVal| {
                     let (d, wide) = (val.position.distance(*at), widest(val.area));
@@ -283,10 +283,11 @@ fn dipoles_find_light_between_caches() {
                 let truth = vals.iter().map(given).sum::<DVec3>();
                 let place = |c: &usize| { caches[*c].position }.as_dvec3();
                 let d_max = references.iter().map(|c| place(c).distance(*at)).fold(1e-15, f64::max);
-                let (mut sum, mut weights) = (DVec3::ZERO, 0.0);
+                let (mut sum, mut roots, mut weights) = (DVec3::ZERO, DVec3::ZERO, 0.0);
                 for c in references {
                     let weight = (1.0 - place(c).distance(*at) / d_max).max(1e-6);
                     sum += weight * proxies[*c].irradiance;
+                    roots += weight * proxies[*c].irradiance.map(f64::sqrt);
                     weights += weight;
                 }
                 squares += truth.length_squared();
@@ -299,10 +300,11 @@ fn dipoles_find_light_between_caches() {
                 }
                 errors[0] += (*below - truth).length_squared();
                 errors[1] += (sum / weights - truth).length_squared();
+                errors[2] += ((roots / weights).powf(2.0) - truth).length_squared();
             }
-            let [by_dipoles, directly] = errors.map(|error| (error / squares).sqrt());
+            let [by_dipoles, directly, by_roots] = errors.map(|error| (error / squares).sqrt());
             println!(
-                "{what}, mean free path {path} m, {} caches: RMSE {by_dipoles:.4} by dipoles, {directly:.4} by interpolated irradiance",
+                "{what}, mean free path {path} m, {} caches: RMSE {by_dipoles:.4} by dipoles, {directly:.4} by interpolated irradiance, {by_roots:.4} roots",
                 caches.len()
             );
             let bound = if what == "narrow" { 1.0 } else { 1.35 };

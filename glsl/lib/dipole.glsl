@@ -63,9 +63,8 @@ float on_same_side(vec3 a, vec3 b) {
 
 // R_d, as far as caches bring it, for light spread by this variance about its mean position.
 vec3 spread_reflectance(Filled f, vec3 r2, vec3 variance, vec3 widest, vec3 facing, out vec3 share) {
-    widest = sqrt(widest * widest + 0.5 * variance);
-    share = brought(f, r2, widest, facing);
-    return diffuse_reflectance(f, r2, widest) * share;
+    share = brought(f, r2 + variance, widest, facing);
+    return diffuse_reflectance(f, r2, sqrt(widest * widest + 0.5 * variance)) * share;
 }
 
 // Fresnel reflectance of a smooth dielectric boundary for unpolarised light; `ior` is the far side's index over the
