@@ -155,7 +155,7 @@ Dipoles mean_dipoles(Filled f, Dipoles s) {
     vec3 middle = s.from / max(s.all, 1e-30);
     float apart = max(s.from2 / max(s.all, 1e-30) - dot(middle, middle), 1e-30);
     // Light that is as wide as the surface around a point has no position, either.
-    s.follows = clamp(between / apart + 2.0 * s.variance * share / f.around, 0.0, 1.0);
+    s.follows = clamp(between / apart + s.variance * share / f.around, 0.0, 1.0);
     s.variance = s.variance * share + between;
     s.second = squares;
     return s;
