@@ -26,7 +26,7 @@ vec3 from_below(DrawRecord draw, uint vertex, uint part, vec3 position) {
     }
     Filled f = filled[part];
     Dipoles mean = no_dipoles();
-    mat2x3 scales = mat2x3(0.0);
+    vec3 scales = vec3(0.0);
     for (uint round = 0u; round < 2u; ++round) {
         if (round > 0u) {
             mean = mean_dipoles(f, mean);

@@ -34,7 +34,7 @@ vec3 from_below(DrawRecord draw, uint first_index, uint part, out vec3 position)
     Filled f = filled[part];
     uint row = row_here();
     Dipoles mean = no_dipoles();
-    mat2x3 scales = mat2x3(0.0);
+    vec3 scales = vec3(0.0);
     for (uint round = 0u; round < 2u && row != NO_REFERENCES; ++round) {
         if (round > 0u) {
             mean = mean_dipoles(f, mean);

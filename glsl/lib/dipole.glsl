@@ -62,9 +62,8 @@ float on_same_side(vec3 a, vec3 b) {
 }
 
 // R_d, as far as caches bring it, for light spread by this variance about its mean position.
-vec3 spread_reflectance(Filled f, vec3 r2, vec3 variance, vec3 widest, vec3 facing, out vec3 share) {
-    share = brought(f, r2 + variance, widest, facing);
-    return diffuse_reflectance(f, r2, sqrt(widest * widest + 0.5 * variance)) * share;
+vec3 spread_reflectance(Filled f, vec3 r2, vec3 variance, vec3 widest, vec3 facing) {
+    return diffuse_reflectance(f, r2, sqrt(widest * widest + 0.5 * variance)) * brought(f, r2 + variance, widest, facing);
 }
 
 // Fresnel reflectance of a smooth dielectric boundary for unpolarised light; `ior` is the far side's index over the
@@ -167,24 +166,21 @@ vec3 log2_or_least(vec3 value) {
 }
 
 // Logarithm of the scale of a cache's own dipole, with the width of the mean dipole; 0 for channels without light. (5.90)
-mat2x3 own_scale(Filled f, Dipoles mean, ProxyDipole p) {
-    vec3 known;
+vec3 own_scale(Filled f, Dipoles mean, ProxyDipole p) {
     vec3 r2 = vec3(dot(p.place_r, p.place_r), dot(p.place_g, p.place_g), dot(p.place_b, p.place_b));
-    vec3 own = spread_reflectance(f, r2, mean.variance, mean.widest, p.facing, known);
-    known *= vec3(greaterThan(p.irradiance, vec3(0.0)));
-    return mat2x3((log2_or_least(p.irradiance) - log2_or_least(own)) * known, known);
+    vec3 own = spread_reflectance(f, r2, mean.variance, mean.widest, p.facing);
+    return (log2_or_least(p.irradiance) - log2_or_least(own)) * vec3(greaterThan(p.irradiance, vec3(0.0)));
 }
 
 // Irradiance from below at the point [lx]; `scales`: weighted sum of the caches' `own_scale`. (5.92), (5.93), with the
 // geometric mean of the scales: light inside decays exponentially, so the brightest cache would outshine all others.
-vec3 irradiance_below(Filled f, Dipoles mean, mat2x3 scales) {
-    vec3 ignored;
-    vec3 here = spread_reflectance(f, mean.second, mean.variance, mean.widest, mean.facing, ignored);
+vec3 irradiance_below(Filled f, Dipoles mean, vec3 scales) {
+    vec3 here = spread_reflectance(f, mean.second, mean.variance, mean.widest, mean.facing);
     vec3 share = 1.0 / max(mean.lit, vec3(1e-30));
     vec3 root = mean.root / max(mean.all, 1e-30);
     vec3 irradiance = root * root;
     vec3 of_lit = irradiance * mean.all * share;
-    vec3 brighter = log2_or_least(here) + scales[0] / max(scales[1], vec3(1e-30)) - log2_or_least(of_lit);
+    vec3 brighter = log2_or_least(here) + scales * share - log2_or_least(of_lit);
     brighter = exp2((1.0 - mean.follows) * clamp(brighter, vec3(-126.0), vec3(log2(MOST_BRIGHTER))));
     return irradiance * brighter;
 }
