@@ -130,7 +130,7 @@ void take_dipole(inout Dipoles s, float w, ProxyDipole p, vec3 from) {
     s.all += w;
     s.from += w * from;
     s.from2 += w * dot(from, from);
-    s.root += w * sqrt(p.irradiance);
+    s.root += w * sqrt(sqrt(p.irradiance));
     s.lit += lit;
     s.place_r += lit.r * r;
     s.place_g += lit.g * g;
@@ -178,7 +178,7 @@ vec3 irradiance_below(Filled f, Dipoles mean, vec3 scales) {
     vec3 here = spread_reflectance(f, mean.second, mean.variance, mean.widest, mean.facing);
     vec3 share = 1.0 / max(mean.lit, vec3(1e-30));
     vec3 root = mean.root / max(mean.all, 1e-30);
-    vec3 irradiance = root * root;
+    vec3 irradiance = root * root * root * root;
     vec3 of_lit = irradiance * mean.all * share;
     vec3 brighter = log2_or_least(here) + scales * share - log2_or_least(of_lit);
     brighter = exp2((1.0 - mean.follows) * clamp(brighter, vec3(-126.0), vec3(log2(MOST_BRIGHTER))));
