@@ -67,7 +67,8 @@ fn shaders_are_the_twins() {
     let of_source = |share: f64, depth: &str| format!("vec3({share:?} * exp(-x[3] * {depth}))");
     let [near, far] = [of_source(1.5 * SOURCES[0], "x[2]"), of_source(1.5 * SOURCES[1], "7.0 * x[2]")];
     let o = "vec3(0.0)";
-    let made = format!("Filled(vec3(x[2]), 1.0, vec3(7.0 * x[2]), x[4], vec3(x[3]), {near}, {far}, {o}, vec3(1.0), 1.0)");
+    let made =
+        format!("Filled(vec3(x[2]), 1.0, vec3(7.0 * x[2]), x[4], vec3(x[3]), {near}, {far}, {o}, vec3(1.0), 1.0)");
     let expression =
         format!("vec4(diffuse_reflectance({made}, vec3(x[0] * x[0]), vec3(x[1])), dielectric_fresnel(x[1], x[4]))");
     // An exponent of 100 has a rounding error of 1e-5.
@@ -144,7 +145,7 @@ fn points_have_bounds_on_their_brightness() {
     let made = format!("Filled(vec3(x[2]), 1.0, vec3(7.0 * x[2]), 1.3, vec3(x[3]), {near}, {far}, {window})");
     let half = "vec3(0.5)";
     let mean = format!(
-        "Dipoles(1.0, {o}, 0.0, vec3(sqrt(x[4])), vec3(1.0), {o}, {o}, {o}, vec3(x[0] * x[0]), {o}, {o}, {half}, {o})"
+        "Dipoles(1.0, {o}, 0.0, vec3(sqrt(sqrt(x[4]))), vec3(1.0), {o}, {o}, {o}, vec3(x[0] * x[0]), {o}, {o}, {half}, {o})"
     );
     let at = "vec3(x[1], 0.0, 0.0)";
     let proxy = format!("ProxyDipole(vec3(x[4]), 0u, {at}, {at}, {at}, {o}, {o}, {half})");

@@ -96,8 +96,8 @@ pub fn brought(medium: &Medium, channel: usize, r2: f64, wide: f64, facing: f64)
 /// One channel of `R_d`, as far as caches bring it, for light with this variance [m^2] about a position.
 fn spread(medium: &Medium, channel: usize, r2: f64, variance: f64, wide: f64, facing: f64) -> f64 {
     // Spread light acts at its root mean square distance and is as wide.
-    let wide = (wide * wide + 0.5 * variance).sqrt();
-    diffuse_reflectance(medium, r2.sqrt(), wide)[channel] * brought(medium, channel, r2, wide, facing)
+    let r_d = diffuse_reflectance(medium, r2.sqrt(), (wide * wide + 0.5 * variance).sqrt());
+    r_d[channel] * brought(medium, channel, r2 + variance, wide, facing)
 }
 
 /// Irradiance from below \[lx\] at a point from the proxies of the caches around it, with positions \[m\] and weights:
@@ -109,10 +109,10 @@ pub fn interpolate(medium: &Medium, x: DVec3, caches: &[(DVec3, f64, ProxyDipole
         - middle.length_squared();
     let mut irradiance = DVec3::ZERO;
     for i in 0..3 {
-        let (mut sum, mut lit, mut place) = (0.0, 0.0, DVec3::ZERO);
+        let (mut roots, mut lit, mut place) = (0.0, 0.0, DVec3::ZERO);
         let (mut second, mut variance, mut wide, mut facing) = (0.0, 0.0, 0.0, 0.0);
         for (position, weight, proxy) in caches {
-            sum += weight * proxy.irradiance[i].sqrt();
+            roots += weight * proxy.irradiance[i].powf(0.25);
             if proxy.irradiance[i] > 0.0 {
                 let at = *position + proxy.place[i] - x;
                 lit += weight;
@@ -128,11 +128,10 @@ pub fn interpolate(medium: &Medium, x: DVec3, caches: &[(DVec3, f64, ProxyDipole
         }
         let (place, wide, facing) = (place / lit, wide / lit, facing / lit);
         let between = (second / lit - place.length_squared()).max(0.0);
-        let own_variance = variance / lit;
-        let variance = own_variance + between;
         // If positions move with the caches or light is wide, it comes from all around: average irradiance itself.
-        let follows = (between / apart.max(1e-30) + 2.0 * own_variance / medium.around).clamp(0.0, 1.0);
-        let mean = (sum / all).powi(2);
+        let follows = (between / apart.max(1e-30) + variance / lit / medium.around).clamp(0.0, 1.0);
+        let variance = variance / lit + between;
+        let mean = (roots / all).powi(4);
         let mut scale = 0.0;
         for (_, weight, proxy) in caches.iter().filter(|(_, _, proxy)| proxy.irradiance[i] > 0.0) {
             let own = spread(medium, i, proxy.place[i].length_squared(), variance, wide, proxy.facing[i]);

@@ -35,7 +35,9 @@ pub(super) fn material((m, close_by): (&Material, &CloseBy)) -> shared::Material
         coat_roughness: m.coat_roughness,
         sheen_color: m.sheen_color,
         sheen_roughness: m.sheen_roughness,
-        close_by: m.subsurface.map_or(Vec3::ZERO, |inside| (close_by.share * inside.medium().diffuse_albedo()).as_vec3()),
+        close_by: m
+            .subsurface
+            .map_or(Vec3::ZERO, |inside| (close_by.share * inside.medium().diffuse_albedo()).as_vec3()),
         inside_ior: m.subsurface.map_or(0.0, |inside| inside.ior),
     }
 }
