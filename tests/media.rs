@@ -2,8 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-use glam::{DVec3, dvec3, vec3};
-use lightskin::reference::dipole::{MOST_BRIGHTER, ProxyDipole, diffuse_reflectance, interpolate};
+use glam::{DVec3, Vec3, dvec3, vec3};
+use lightskin::reference::dipole::{MOST_BRIGHTER, ProxyDipole, brought, diffuse_reflectance, interpolate};
 use lightskin::reference::volume::{Volume, refracted, walk};
 use lightskin::scene::medium::{Medium, SOURCES, Shape, Subsurface, fresnel, inner_reflectance, source};
 
@@ -161,6 +161,32 @@ fn points_have_bounds_on_their_brightness() {
     assert!((100..3900).contains(&at_bound), "{at_bound}");
     // Logarithms of up to 100 have a rounding error of 1e-5.
     check4(DIPOLE, &expression, &inputs, |_| (3e-4, 1e-30), |x| twin(x).extend(0.0).to_array());
+}
+
+/// On a plane pixels and caches together return all light once, however large texels are.
+#[test]
+fn pixels_and_caches_share_all_light() {
+    for path in [1e-4, 1e-3, 1e-2] {
+        let flat = Subsurface::of_color(vec3(0.9, 0.7, 0.3), Vec3::splat(path), 1.4).medium();
+        let medium = Medium { close_by: flat.within(0.01), around: 1e-4, ..flat };
+        for wide in [0.0, 0.003, 0.01, 0.03] {
+            let mut sum = medium.close_by * medium.returned;
+            let (mut inner, step) = (0.0, 1.005_f64);
+            while inner < 100.0 {
+                let outer = (inner * step).max(1e-6);
+                let r = 0.5 * (inner + outer);
+                let by = |i: usize| brought(&medium, i, r * r, wide, 1.0);
+                sum += PI
+                    * (outer * outer - inner * inner)
+                    * diffuse_reflectance(&medium, r, wide)
+                    * DVec3::new(by(0), by(1), by(2));
+                inner = outer;
+            }
+            let off = sum / medium.returned - 1.0;
+            println!("mean free path {path} m, texels of {wide} m: {off:+.3} too much light");
+            assert!(off.abs().max_element() < 0.01, "{path}, {wide}: {off}");
+        }
+    }
 }
 
 #[test]

@@ -43,8 +43,9 @@ float widest_of(float area) {
     return sqrt(area);
 }
 
-// Part of R_d that caches bring: pixels reflect the light that enters around them on their side themselves. `facing`: part
-// of the light that entered on this side. Wide texels bring light close by from afar, but no more than pixels leave.
+// Share of R_d that caches bring. Pixels themselves reflect light that enters around them on their side of the body.
+// `facing`: part of the light that entered on this side. Wide texels spread light farther: that pixels reflect it already
+// counts there, too.
 vec3 brought(Filled f, vec3 r2, vec3 widest, vec3 facing) {
     vec3 d, decay;
     vec3 around = vec3(f.around);
@@ -56,9 +57,9 @@ vec3 brought(Filled f, vec3 r2, vec3 widest, vec3 facing) {
     return (1.0 - within * facing * near) * min(f.from_afar * all / max(beyond, vec3(1e-30)), vec3(1.0));
 }
 
-// Whether light entered on a point's side of the body, by both normals; a point without a normal has no side.
-float on_same_side(vec3 a, vec3 b) {
-    return dot(a, a) > 0.0 ? clamp(2.0 * dot(a, b), 0.0, 1.0) : 1.0;
+// 1 where light enters on the side of the body that a cache is on, by both normals; also if the cache has no normal.
+float on_same_side(vec3 of_cache, vec3 of_light) {
+    return dot(of_cache, of_cache) > 0.0 ? clamp(2.0 * dot(of_cache, of_light), 0.0, 1.0) : 1.0;
 }
 
 // R_d, as far as caches bring it, for light spread by this variance about its mean position.
@@ -104,7 +105,7 @@ struct Dipoles {
     float all; // sum of weights
     vec3 from; // positions of caches relative to the point
     float from2; // their squared lengths
-    vec3 root; // of irradiance
+    vec3 root; // fourth root of irradiance
     vec3 lit; // sum of weights of the lit caches
     vec3 place_r; // positions of the light relative to the point
     vec3 place_g;
@@ -113,7 +114,7 @@ struct Dipoles {
     vec3 variance;
     vec3 widest;
     vec3 facing;
-    vec3 follows; // 0: all caches agree on one position; 1: the positions move with the caches
+    vec3 follows; // 0: all caches agree on one position; 1: light comes from all around
 };
 
 Dipoles no_dipoles() {

@@ -129,7 +129,7 @@ pub struct World {
     structure: Structure,
     /// Constant data of each instance.
     layouts: Vec<InstanceLayout>,
-    /// For each material, the share of the light from inside that pixels reflect themselves.
+    /// For each material, the light from inside that pixels reflect themselves.
     close_by: Vec<filled::CloseBy>,
     vertices: Buffer,
     indices: Buffer,
