@@ -36,10 +36,9 @@ pub struct ProxyDipole {
     pub facing: DVec3,
 }
 
-/// Sums a body's inner VALs at a cache. `bodies` are the position and area of all caches of the body; they limit the
-/// sum, because no part may send on more light than arrives.
-pub fn gather(medium: &Medium, at: [DVec3; 2], vals: &[InnerVal], bodies: &[(DVec3, f64)]) -> ProxyDipole {
-    let [cache, normal] = at;
+/// Sums the part of a body's inner VALs that a cache with this position and normal brings. `bodies` are the position and
+/// area of all caches of the body; they limit the sum, because no part may send on more light than arrives.
+pub fn gather(medium: &Medium, [cache, normal]: [DVec3; 2], vals: &[InnerVal], bodies: &[(DVec3, f64)]) -> ProxyDipole {
     let whole = bodies.iter().fold(DVec3::ZERO, |sum, &(position, area)| {
         sum + area * diffuse_reflectance(medium, position.distance(cache), widest(area))
     });
