@@ -3,7 +3,9 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{DVec3, Vec3, dvec3, vec3};
-use lightskin::reference::dipole::{MOST_BRIGHTER, ProxyDipole, brought, diffuse_reflectance, interpolate};
+use lightskin::reference::dipole::{
+    MOST_BRIGHTER, ProxyDipole, brought, diffuse_reflectance, interpolate, on_same_side,
+};
 use lightskin::reference::volume::{Volume, refracted, walk};
 use lightskin::scene::medium::{Medium, SOURCES, Shape, Subsurface, fresnel, inner_reflectance, source};
 
@@ -161,6 +163,19 @@ fn points_have_bounds_on_their_brightness() {
     assert!((100..3900).contains(&at_bound), "{at_bound}");
     // Logarithms of up to 100 have a rounding error of 1e-5.
     check4(DIPOLE, &expression, &inputs, |_| (3e-4, 1e-30), |x| twin(x).extend(0.0).to_array());
+}
+
+#[test]
+fn hidden_caches_are_on_both_sides() {
+    let mut inputs = random(93, 400, [(-1.0, 1.0); 6]);
+    inputs.push([0.0, 0.0, 0.0, 0.0, -1.0, 0.0]);
+    check4(
+        DIPOLE,
+        "vec4(on_same_side(vec3(x[0], x[1], x[2]), vec3(x[3], x[4], x[5])), 0.0, 0.0, 0.0)",
+        &inputs,
+        |_| (1e-5, 1e-6),
+        |x| [on_same_side(dvec3(x[0], x[1], x[2]), dvec3(x[3], x[4], x[5])), 0.0, 0.0, 0.0],
+    );
 }
 
 /// On a plane pixels and caches together return all light once, however large texels are.

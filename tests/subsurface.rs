@@ -6,7 +6,9 @@ use lightskin::frame::check::Check;
 use lightskin::frame::{Antialiasing, ClusterRule, LightShadows, Near, Settings, Shadows, View, World};
 use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
 use lightskin::metrics::metrics;
-use lightskin::reference::dipole::{InnerVal, ProxyDipole, brought, diffuse_reflectance, gather, interpolate, widest};
+use lightskin::reference::dipole::{
+    InnerVal, ProxyDipole, brought, diffuse_reflectance, gather, interpolate, on_same_side, widest,
+};
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::scene::build::{CornellSurface, quad, sphere};
 use lightskin::scene::medium::{Medium, Subsurface};
@@ -275,7 +277,7 @@ fn dipoles_find_light_between_caches() {
             let truth = |at: DVec3| {
                 vals.iter().fold([DVec3::ZERO; 2], |[all, part], val| {
                     let (d, wide) = (val.position.distance(at), widest(val.area));
-                    let facing = (2.0 * val.normal.dot(at.normalize())).clamp(0.0, 1.0);
+                    let facing = on_same_side(at.normalize(), val.normal);
                     let by = |i: usize| brought(&medium, i, d * d, wide, facing);
                     let given = val.flux * diffuse_reflectance(&medium, d, wide);
                     [all + given, part + given * dvec3(by(0), by(1), by(2))]

@@ -47,7 +47,7 @@ pub fn gather(medium: &Medium, [cache, normal]: [DVec3; 2], vals: &[InnerVal], b
     for val in vals {
         let d = val.position - cache;
         let wide = widest(val.area);
-        let facing = (2.0 * normal.dot(val.normal)).clamp(0.0, 1.0);
+        let facing = on_same_side(normal, val.normal);
         let r_d = diffuse_reflectance(medium, d.length(), wide);
         let by = |i: usize| brought(medium, i, d.length_squared(), wide, facing);
         let given = val.flux * r_d * DVec3::new(by(0), by(1), by(2));
@@ -70,6 +70,12 @@ pub fn gather(medium: &Medium, [cache, normal]: [DVec3; 2], vals: &[InnerVal], b
     }
     proxy.irradiance /= whole.max(DVec3::ONE);
     proxy
+}
+
+/// 1 where light enters on the side of the body that a cache is on, by both unit normals. A hidden cache has the normal 0,
+/// and is on both sides.
+pub fn on_same_side(of_cache: DVec3, of_light: DVec3) -> f64 {
+    if of_cache == DVec3::ZERO { 1.0 } else { (2.0 * of_cache.dot(of_light)).clamp(0.0, 1.0) }
 }
 
 /// Part of `R_d` in one channel that caches bring at the squared distance `r2` [m^2]; pixels reflect what enters around
