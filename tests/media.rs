@@ -190,11 +190,8 @@ fn pixels_and_caches_share_all_light() {
             while inner < 100.0 {
                 let outer = (inner * step).max(1e-6);
                 let r = 0.5 * (inner + outer);
-                let by = |i: usize| brought(&medium, i, r * r, wide, 1.0);
-                sum += PI
-                    * (outer * outer - inner * inner)
-                    * diffuse_reflectance(&medium, r, wide)
-                    * DVec3::new(by(0), by(1), by(2));
+                let ring = PI * (outer * outer - inner * inner);
+                sum += ring * diffuse_reflectance(&medium, r, wide) * brought(&medium, r * r, wide, 1.0);
                 inner = outer;
             }
             let off = sum / medium.returned - 1.0;

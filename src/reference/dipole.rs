@@ -49,8 +49,7 @@ pub fn gather(medium: &Medium, [cache, normal]: [DVec3; 2], vals: &[InnerVal], b
         let wide = widest(val.area);
         let facing = on_same_side(normal, val.normal);
         let r_d = diffuse_reflectance(medium, d.length(), wide);
-        let by = |i: usize| brought(medium, i, d.length_squared(), wide, facing);
-        let given = val.flux * r_d * DVec3::new(by(0), by(1), by(2));
+        let given = val.flux * r_d * brought(medium, d.length_squared(), wide, facing);
         proxy.irradiance += given;
         second += given * d.length_squared();
         proxy.widest += given * wide;
@@ -78,9 +77,15 @@ pub fn on_same_side(of_cache: DVec3, of_light: DVec3) -> f64 {
     if of_cache == DVec3::ZERO { 1.0 } else { (2.0 * of_cache.dot(of_light)).clamp(0.0, 1.0) }
 }
 
-/// Part of `R_d` in one channel that caches bring at the squared distance `r2` [m^2]; pixels reflect what enters around
-/// them on their own side. `facing`: part of the light that entered on this side.
-pub fn brought(medium: &Medium, channel: usize, r2: f64, wide: f64, facing: f64) -> f64 {
+/// Share of `R_d` that caches bring at the squared distance `r2` [m^2]; pixels reflect what enters around them on their
+/// own side. `facing`: part of the light that entered on this side.
+pub fn brought(medium: &Medium, r2: f64, wide: f64, facing: f64) -> DVec3 {
+    let of = |channel: usize| brought_of(medium, channel, r2, wide, facing);
+    DVec3::new(of(0), of(1), of(2))
+}
+
+/// One channel of `brought`.
+fn brought_of(medium: &Medium, channel: usize, r2: f64, wide: f64, facing: f64) -> f64 {
     let integral = |radius: f64| -> f64 {
         let of = |source: usize| {
             let (z, sigma_tr) = (medium.depths[source][channel], medium.sigma_tr[channel]);
@@ -102,7 +107,7 @@ pub fn brought(medium: &Medium, channel: usize, r2: f64, wide: f64, facing: f64)
 fn spread(medium: &Medium, channel: usize, r2: f64, variance: f64, wide: f64, facing: f64) -> f64 {
     // Spread light acts at its root mean square distance and is as wide.
     let r_d = diffuse_reflectance(medium, r2.sqrt(), (wide * wide + 0.5 * variance).sqrt());
-    r_d[channel] * brought(medium, channel, r2 + variance, wide, facing)
+    r_d[channel] * brought_of(medium, channel, r2 + variance, wide, facing)
 }
 
 /// Irradiance from below \[lx\] at a point from the proxies of the caches around it, with positions \[m\] and weights:
