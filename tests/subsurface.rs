@@ -10,7 +10,7 @@ use lightskin::reference::dipole::{
     InnerVal, ProxyDipole, brought, diffuse_reflectance, gather, interpolate, on_same_side, widest,
 };
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
-use lightskin::scene::build::{CornellSurface, quad, sphere};
+use lightskin::scene::build::{CornellSurface, cuboid, quad, sphere};
 use lightskin::scene::medium::{Medium, Subsurface};
 use lightskin::scene::write::write_glb;
 use lightskin::scene::{Light, LightKind, Material, Scene};
@@ -186,6 +186,13 @@ fn lit(val: &shared::Val) -> InnerVal {
     InnerVal { position: position.as_dvec3(), normal: normal.as_dvec3(), area: val.area.into(), flux: flux.as_dvec3() }
 }
 
+/// Dipoles of caches that are all on one body, in f64.
+fn twins(medium: &Medium, caches: &[shared::Cache], vals: &[InnerVal]) -> Vec<ProxyDipole> {
+    let bodies: Vec<(DVec3, f64)> = caches.iter().map(|c| ({ c.position }.as_dvec3(), f64::from(c.area))).collect();
+    let of = |c: &shared::Cache| gather(medium, [c.position, c.normal].map(Vec3::as_dvec3), vals, &bodies);
+    caches.iter().map(of).collect()
+}
+
 #[test]
 fn dipoles_of_caches_are_the_twins_and_no_more_leaves_than_entered() {
     for path in [0.0005, 0.005, 0.05] {
@@ -199,8 +206,7 @@ fn dipoles_of_caches_are_the_twins_and_no_more_leaves_than_entered() {
         let bodies: Vec<(DVec3, f64)> = caches.iter().map(|c| ({ c.position }.as_dvec3(), f64::from(c.area))).collect();
         assert!(dipoles.len() > 50 && vals.len() > 100);
         let (mut worst, mut leaves) = (0.0_f64, DVec3::ZERO);
-        let of = |c: &shared::Cache| [{ c.position }.as_dvec3(), { c.normal }.as_dvec3()];
-        let twins: Vec<_> = caches.iter().map(|c| gather(&medium, of(c), &vals, &bodies)).collect();
+        let twins = twins(&medium, &caches, &vals);
         let most = twins.iter().map(|twin| twin.irradiance.max_element()).fold(0.0, f64::max);
         for ((dipole, twin), (_, area)) in dipoles.iter().zip(&twins).zip(&bodies) {
             assert_eq!({ dipole.filled }, 0);
@@ -304,6 +310,37 @@ fn dipoles_find_light_between_caches() {
             assert!(by_dipoles < all, "{what}, {path}, {spacing}: {by_dipoles} against {all}");
         }
     }
+}
+
+/// A plate of 2 mm, lit from the front. Its caches are farther apart than that, so light at the back leaves close to where it
+/// entered, but no pixel of the back reflects it.
+#[test]
+fn light_crosses_thin_bodies() {
+    let inside = Subsurface::of_color(vec3(0.9, 0.7, 0.3), Vec3::splat(0.001), 1.4);
+    let mut scene = ball(inside, LightKind::Point);
+    scene.instances.clear();
+    let plate = cuboid(vec3(-0.05, -0.05, -0.002), vec3(0.05, 0.05, 0.0), 0.01, |_| true);
+    add(&mut scene, plate, filled(inside), DAffine3::IDENTITY);
+    scene.lights[0].position = dvec3(0.02, 0.01, 0.2);
+    let Drawn { dipoles, inner, caches, medium, .. } = drawn(&scene, 0.03, &knobs());
+    let medium = medium.expect("a medium");
+    let vals: Vec<InnerVal> = inner.iter().map(lit).collect();
+    let twins = twins(&medium, &caches, &vals);
+    let most = twins.iter().map(|twin| twin.irradiance.max_element()).fold(0.0, f64::max);
+    let (mut worst, mut behind) = (0.0_f64, 0.0);
+    for ((dipole, twin), cache) in dipoles.iter().zip(&twins).zip(&caches) {
+        let irradiance = { dipole.irradiance }.as_dvec3();
+        worst = worst.max((irradiance - twin.irradiance).abs().max_element() / most);
+        behind += if { cache.normal }.z < -0.5 { irradiance.x * f64::from(cache.area) } else { 0.0 };
+    }
+    let entered: f64 = vals.iter().map(|val| val.flux.x).sum();
+    println!(
+        "{} caches: {:.3} of the red light leaves at the back, largest error {worst:.1e}",
+        caches.len(),
+        behind / entered
+    );
+    assert!(worst < 1e-4, "{worst}");
+    assert!((0.1..1.0).contains(&(behind / entered)), "{behind} of {entered}");
 }
 
 #[test]
