@@ -31,7 +31,7 @@ void main() {
     if (at.x >= push.width || at.y >= push.height) {
         return;
     }
-    NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), 0u, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0,
+    NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0,
                                  vec3(0.0), 0.0, vec3(0.0), vec3(0.0), vec2(0.0));
     NearSurface s;
     if (!surface_shown(at, s)) {
@@ -39,7 +39,7 @@ void main() {
         return;
     }
     vec3 n = s.normal;
-    found.is_surface = 1u;
+    found.geometric = coded_normal(s.geometric);
     found.position = s.position;
     found.normal = n;
     found.open = 0.0;

@@ -30,13 +30,13 @@ NearPixel near_pixel(ivec2 at) {
     vec4 g = texelFetch(near_pixel_texels, index + 6);
     vec4 h = texelFetch(near_pixel_texels, index + 7);
     vec4 i = texelFetch(near_pixel_texels, index + 8);
-    return NearPixel(a.xyz, a.w, b.xyz, floatBitsToUint(b.w), c.xyz, c.w, d.xyz, d.w, e.xyz, e.w, f.xyz, f.w, g.xyz, g.w,
+    return NearPixel(a.xyz, a.w, b.xyz, b.w, c.xyz, c.w, d.xyz, d.w, e.xyz, e.w, f.xyz, f.w, g.xyz, g.w,
                      h.xyz, vec3(h.w, i.xy), i.zw);
 }
 
 // Weight of a pixel of the window.
 float weight_of(NearPixel own, NearPixel p, ivec2 offset) {
-    float weight = near_alike(own.position - p.position, own.normal, p.normal);
+    float weight = near_alike(own.position - p.position, facing_of(own.normal, own.geometric), facing_of(p.normal, p.geometric));
     weight *= abs(offset.x) == HALF ? 0.5 : 1.0;
     weight *= abs(offset.y) == HALF ? 0.5 : 1.0;
     return weight;
@@ -53,9 +53,9 @@ void main() {
     }
     uint index = uint(at.y) * push.width + uint(at.x);
     NearPixel own = near_pixel(at);
-    NearLight sum = NearLight(vec3(0.0), own.is_surface, vec3(0.0), 0.0, vec3(0.0), 0.0, own.position, 0.0, own.normal, 0.0,
+    NearLight sum = NearLight(vec3(0.0), own.geometric, vec3(0.0), 0.0, vec3(0.0), 0.0, own.position, 0.0, own.normal, 0.0,
                               vec3(0.0), vec3(0.0), 0.0, 0.0);
-    if (own.is_surface == 0u) {
+    if (own.geometric == 0.0) {
         near_lights[index] = sum;
         return;
     }
@@ -76,7 +76,7 @@ void main() {
             continue;
         }
         NearPixel p = near_pixel(at + offset);
-        if (p.is_surface == 0u) {
+        if (p.geometric == 0.0) {
             continue;
         }
         float weight = weight_of(own, p, offset);
@@ -113,7 +113,7 @@ void main() {
             continue;
         }
         NearPixel p = near_pixel(at + offset);
-        if (p.is_surface != 0u && p.width > 0.0) {
+        if (p.geometric != 0.0 && p.width > 0.0) {
             float apart = lobes_apart(own.position - p.position, own.mirrored - p.mirrored, nearness, own.width);
             float share = weight_of(own, p, offset) / (1.0 + apart * apart);
             lobe_weights += share;

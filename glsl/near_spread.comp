@@ -21,7 +21,8 @@ void main() {
     uint index = uint(at.y) * push.width + uint(at.x);
     NearLight own = near_light(index);
     NearLight sum = own;
-    if (own.is_surface != 0u) {
+    if (own.geometric != 0.0) {
+        Facing own_facing = facing_of(own.normal, own.geometric);
         float weights = 1.0;
         float sky_weights = 1.0;
 #ifdef GLOSSY
@@ -34,13 +35,13 @@ void main() {
                 continue;
             }
             NearLight p = near_light(uint(other.y) * push.width + uint(other.x));
-            if (p.is_surface == 0u) {
+            if (p.geometric == 0.0) {
                 continue;
             }
             vec3 d = own.position - p.position;
             float crowding = max(own.crowding, p.crowding);
             float share = (offset.x == 0 ? 1.0 : 0.5) * (offset.y == 0 ? 1.0 : 0.5);
-            share *= near_alike(d, own.normal, p.normal);
+            share *= near_alike(d, own_facing, facing_of(p.normal, p.geometric));
 #ifdef GLOSSY
             float width = min(own.width, p.width);
             vec3 turned = own.mirrored - p.mirrored;

@@ -116,7 +116,7 @@ struct NearPixel {
     vec3 irradiance; // from the surfaces hit [lx]
     float open; // share of the rays about the normal that hit nothing
     vec3 far; // irradiance by the caches' radiance along the rays that hit nothing and on which caches agree [lx]
-    uint is_surface; // 0: the pixel shows no surface
+    float geometric; // unit normal of the triangle, as of coded_normal; 0: the pixel shows no surface
     vec3 all; // irradiance by the caches' radiance along all rays [lx]
     float crowding; // mean reciprocal length of the rays about the normal, up to their hit or one cache spacing [1/m]
     vec3 position; // of the surface
@@ -148,7 +148,7 @@ struct NearSpreadPush {
 // Filtered result of the short rays around one pixel.
 struct NearLight {
     vec3 irradiance; // from the surfaces hit [lx]
-    uint is_surface; // 0: the pixel shows no surface
+    float geometric; // unit normal of the triangle, as of coded_normal; 0: the pixel shows no surface
     vec3 open; // share of the caches' light along rays that hit nothing
     float sky; // share of the sky's light that reaches the lobe
     vec3 glossy; // radiance that the lobe receives [cd/m^2]

@@ -124,12 +124,17 @@ fn rays_that_are_turned_ask_for_their_own_direction() {
     let pixels: Vec<NearPixel> = gpu.read(&frame.picture.near.as_ref().expect("rays").pixels).expect("read");
     let on_body = pixels.iter().filter(|p| {
         let position = p.position;
-        p.is_surface == 1 && (position.as_dvec3() + world.origin - place).abs().max_element() < 0.301
+        p.geometric > 0.0 && (position.as_dvec3() + world.origin - place).abs().max_element() < 0.301
     });
     let [asked, all] = on_body.fold([0, 0], |[asked, all], p| [asked + usize::from({ p.all } != Vec3::ZERO), all + 1]);
     println!("{asked} of {all} pixels look light up");
     assert!(all > 50 && asked * 10 > all * 9, "{asked} of {all} pixels look light up");
     assert_clean(&gpu);
+}
+
+/// Unit normals of the vertices and of the triangle that a pixel shows.
+fn normals_of(pixel: &NearPixel) -> [DVec3; 2] {
+    [{ pixel.normal }.as_dvec3(), reference::decoded_normal(pixel.geometric)]
 }
 
 #[test]
@@ -157,9 +162,9 @@ fn neighbours_share_their_rays() {
         for (i, j) in (-2..=2_isize).flat_map(|j| (-2..=2_isize).map(move |i| (i, j))) {
             let x = (index % width).checked_add_signed(i).filter(|x| *x < width);
             let y = (index / width).checked_add_signed(j).filter(|y| *y < height);
-            let Some(p) = x.zip(y).map(|(x, y)| pixels[y * width + x]).filter(|p| p.is_surface == 1) else { continue };
+            let Some(p) = x.zip(y).map(|(x, y)| pixels[y * width + x]).filter(|p| p.geometric > 0.0) else { continue };
             let d = { own.position }.as_dvec3() - { p.position }.as_dvec3();
-            let w = weight(i) * weight(j) * reference::alike(d, { own.normal }.as_dvec3(), { p.normal }.as_dvec3());
+            let w = weight(i) * weight(j) * reference::alike(d, normals_of(&own), normals_of(&p));
             sum += w * { p.irradiance }.as_dvec3();
             far += w * { p.far }.as_dvec3();
             all += w * { p.all }.as_dvec3();
@@ -170,7 +175,7 @@ fn neighbours_share_their_rays() {
             open += w * f64::from(p.open);
             weights += w;
         }
-        (own.is_surface == 1).then(|| reference::Found {
+        (own.geometric > 0.0).then(|| reference::Found {
             irradiance: sum / weights,
             open: far / all,
             // Where no sky is known, it is as open as directions are on average.
@@ -179,7 +184,7 @@ fn neighbours_share_their_rays() {
             crowding: crowding / weights,
             light: luminance((sum + far) / weights),
             position: { own.position }.as_dvec3(),
-            normal: { own.normal }.as_dvec3(),
+            normals: normals_of(&own),
         })
     };
     let once: Vec<_> = (0..width * height).map(taken).collect();
@@ -283,7 +288,7 @@ fn lobes_are_spread_over_what_mirrors_the_same() {
         (light.width > 0.0).then(|| reference::FoundLobe {
             taken: { light.glossy }.as_dvec3(),
             position: { light.position }.as_dvec3(),
-            normal: { light.normal }.as_dvec3(),
+            normals: [{ light.normal }.as_dvec3(), reference::decoded_normal(light.geometric)],
             mirrored: { light.mirrored }.as_dvec3(),
             width: light.width.into(),
             nearness: light.nearness.into(),

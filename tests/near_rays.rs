@@ -130,7 +130,7 @@ fn rays_find_what_f64_finds() {
         let [mut rays, mut guided, mut endless, mut closed, mut differ] = [0; 5];
         let (mut off, mut sum) = ([0.0; 3], [0.0; 3]);
         let compared = traced.pixels.iter().enumerate().skip((first_row * traced.width) as usize);
-        for (i, pixel) in compared.filter(|(_, pixel)| pixel.is_surface == 1) {
+        for (i, pixel) in compared.filter(|(_, pixel)| pixel.geometric > 0.0) {
             let wanted = in_f64(&scene, &caches, &around, world.origin, (&traced, i), |_, surface, way, _| {
                 surface.emission + reflected_direct(&placed, surface, way)
             });
@@ -175,7 +175,7 @@ fn hits_send_on_the_light_of_caches_that_they_see() {
     let spacing = caches.spacing;
     let around = Around { world: &placed, caches: &traced.caches, reach: spacing, lift: SEEN_LIFT * spacing };
     let [mut pixels, mut rays, mut aside, mut differ, mut differ_by_largest] = [0; 5];
-    for (i, pixel) in traced.pixels.iter().enumerate().filter(|(_, pixel)| pixel.is_surface == 1) {
+    for (i, pixel) in traced.pixels.iter().enumerate().filter(|(_, pixel)| pixel.geometric > 0.0) {
         // What the light of the cache of largest weight would add.
         let mut by_largest = DVec3::ZERO;
         let wanted = in_f64(&scene, &caches, &around, world.origin, (&traced, i), |hit, surface, way, weight| {

@@ -178,7 +178,7 @@ fn pixels_see_of_the_sky_what_f64_rays_see() {
         let around = Around { world: &placed, caches: &places, reach: spacing, lift: 0.0 };
         let count = 8 * NEAR_SIDE * NEAR_SIDE;
         let (mut shown, mut differ, mut by_caches, mut most) = (0, 0, 0, 0.0_f64);
-        for (i, pixel) in pixels.iter().enumerate().filter(|(_, pixel)| pixel.is_surface == 1) {
+        for (i, pixel) in pixels.iter().enumerate().filter(|(_, pixel)| pixel.geometric > 0.0) {
             let (x, y) = (i as u32 % found.size[0], i as u32 / found.size[0]);
             let numbers = (0..8).map(|ray| (ray * NEAR_SIDE + y % NEAR_SIDE) * NEAR_SIDE + x % NEAR_SIDE);
             let (position, normal) = (pixel.position.as_dvec3() + world.origin, pixel.normal.as_dvec3());

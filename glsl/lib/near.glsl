@@ -3,7 +3,6 @@
 #ifndef NEAR_GLSL
 #define NEAR_GLSL
 #include "lib/near_alike.glsl"
-#include "lib/octahedral.glsl"
 #define NEAR_BINDING 12
 #define NEAR_CONSTANT 2
 #include "lib/near_lights.glsl"
@@ -25,10 +24,11 @@ struct NearSum {
 // Adds a pixel's result, weighted by the similarity of its surface.
 void take_near(inout NearSum sum, ivec2 at, float share, vec3 position, vec3 geometric) {
     NearLight p = near_light(uint(at.y) * push.width + uint(at.x));
-    if (p.is_surface == 0u) {
+    if (p.geometric == 0.0) {
         return;
     }
-    float weight = share * near_alike(position - p.position, geometric, p.normal);
+    vec3 other = decoded_normal(p.geometric);
+    float weight = share * near_alike(position - p.position, Facing(geometric, geometric), Facing(other, other));
     sum.weights += weight;
     sum.near.irradiance += weight * p.irradiance;
     sum.near.open += weight * p.open;

@@ -319,20 +319,29 @@ pub struct Found {
     pub light: f64,
     /// Position of the surface.
     pub position: DVec3,
-    /// Unit vertex normal.
-    pub normal: DVec3,
+    /// Unit normals of the vertices and of the triangle.
+    pub normals: [DVec3; 2],
 }
 
-/// Similarity of two surfaces: how far the rays of one are valid for the other. `d` is the vector between them, with
-/// their normals. Twin of `glsl/lib/near_alike.glsl`.
-pub fn alike(d: DVec3, normal: DVec3, other: DVec3) -> f64 {
+/// Unit normal from the device's code: 12 bits for each place on the unfolded octahedron.
+pub fn decoded_normal(code: f32) -> DVec3 {
+    let [x, y] = [code as u32 % 4096, code as u32 / 4096].map(|place| (f64::from(place) - 2048.0) / 2047.0);
+    on_octahedron(x, y).normalize()
+}
+
+/// Similarity of two surfaces: how far the rays of one are valid for the other. `d` is the vector between them. Each has
+/// two unit normals, that of its vertices and that of its triangle. Twin of `glsl/lib/near_alike.glsl`.
+pub fn alike(d: DVec3, [vertex, geometric]: [DVec3; 2], [other_vertex, other_geometric]: [DVec3; 2]) -> f64 {
     let smooth = |low: f64, high: f64, x: f64| {
         let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
         t * t * (3.0 - 2.0 * t)
     };
-    let out_of_plane = d.dot(other).abs().max(d.dot(normal).abs()) / d.length().max(1e-15);
-    let aside = out_of_plane - 0.25 * (other - normal).length();
-    (1.0 - smooth(0.05, 0.2, aside)) * smooth(0.5, 0.9, other.dot(normal)) + 1e-4
+    let out_of_plane = [geometric, other_geometric].map(|n| d.dot(n).abs() / d.length().max(1e-15));
+    let [turned, edge] = [vertex - other_vertex, geometric - other_geometric].map(|by| by.length());
+    let allowed = turned / 4.0 + if edge > turned { edge - turned } else { 0.0 };
+    let off_plane = smooth(0.05, 0.2, out_of_plane[0].max(out_of_plane[1]) - allowed);
+    let facing = [vertex.dot(other_vertex), geometric.dot(other_geometric)].map(|cosine| smooth(0.5, 0.9, cosine));
+    (1.0 - off_plane) * facing[0].min(facing[1]) + 1e-4
 }
 
 /// Spreads results once over pixels this many steps apart; `None` if a pixel shows no surface. Twin of
@@ -348,7 +357,7 @@ pub fn spread(found: &[Option<Found>], [width, height]: [usize; 2], step: usize)
             let Some(p) = x.zip(y).and_then(|(x, y)| found[y * width + x]) else { continue };
             let d = own.position - p.position;
             let weight = |crowding: f64| {
-                let near = 0.5_f64.powi((dx.abs() + dy.abs()) as i32) * alike(d, own.normal, p.normal);
+                let near = 0.5_f64.powi((dx.abs() + dy.abs()) as i32) * alike(d, own.normals, p.normals);
                 if (dx, dy) == (0, 0) { 1.0 } else { near * (-(5.0 * d.length() * crowding).powi(2)).exp() }
             };
             let stops = ((own.light + 1e-20) / (p.light + 1e-20)).log2();
@@ -374,8 +383,8 @@ pub struct FoundLobe {
     pub taken: DVec3,
     /// Position of the surface.
     pub position: DVec3,
-    /// Unit vertex normal.
-    pub normal: DVec3,
+    /// Unit normals of the vertices and of the triangle.
+    pub normals: [DVec3; 2],
     /// Unit axis of the lobe.
     pub mirrored: DVec3,
     /// Width of the lobe \[rad\].
@@ -403,7 +412,7 @@ pub fn spread_lobes(found: &[Option<FoundLobe>], [width, height]: [usize; 2], st
             let weight = match (dx, dy) {
                 (0, 0) => 1.0,
                 _ => {
-                    let near = 0.5_f64.powi((dx.abs() + dy.abs()) as i32) * alike(d, own.normal, p.normal);
+                    let near = 0.5_f64.powi((dx.abs() + dy.abs()) as i32) * alike(d, own.normals, p.normals);
                     near * like * (-8.0 * apart * apart).exp()
                 }
             };
