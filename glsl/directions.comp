@@ -1,5 +1,5 @@
-// Stage 6, after the gather: sorts the light of each live cache by direction, for short rays to look up, and lists where
-// most of it comes from, for guided rays to follow. One workgroup per cache. METHOD 11.
+// Stage 6, after the gather: sorts the light of each live cache by direction, for short rays to look up. One workgroup per
+// cache. METHOD 11.
 // variant directions_shadowed.comp: SHADOWED (where indirect light is shadowed)
 // variant directions_bounces.comp: BOUNCES (where caches light caches, too)
 // variant directions_shadowed_traced.comp: SHADOWED TRACED (where they do so by rays)
@@ -21,7 +21,6 @@ layout(binding = 3, scalar) readonly buffer ValCount { uint val_count; };
 layout(binding = 4, std430) readonly buffer Vals { vec4 vals[]; }; // three words each
 layout(binding = 5) uniform samplerBuffer val_texels; // `vals` again
 layout(binding = 6, scalar) writeonly buffer Radiances { uint radiances[]; }; // DIRECTIONS values per cache [cd/m^2]
-layout(binding = 12, scalar) writeonly buffer Guides { uint guides[]; }; // GUIDE_WORDS values per cache
 #ifdef BOUNCES
 layout(binding = 7, scalar) readonly buffer CacheValCount { uint cache_val_count; };
 layout(binding = 8, std430) readonly buffer CacheVals { vec4 cache_vals[]; };
@@ -64,16 +63,6 @@ Val cache_val_at(uint i) {
 
 // Sums by direction. Threads with the same index modulo MAPS share a map.
 shared float sums[3u * DIRECTIONS * MAPS];
-
-// Least cosine with which light counts for guided rays.
-const float LEAST_FACING = 0.1;
-
-// By direction: luminance [cd/m^2], and its light at the cache's surface [lx].
-shared float luminances[DIRECTIONS];
-shared float surface_light[DIRECTIONS];
-
-// By part: its direction.
-shared uint part_directions[GUIDES];
 
 // The workgroup's cache.
 Cache c;
@@ -155,24 +144,6 @@ vec3 from_caches(uint slot, uint direction, vec3 tangent, vec3 bitangent) {
 }
 #endif
 
-// Greatest luminance [cd/m^2] of a direction and its eight neighbours.
-float luminance_about(uint direction) {
-    const int SIDE = int(DIRECTION_SIDE);
-    float most = 0.0;
-    for (int i = 0; i < 9; ++i) {
-        ivec2 at = ivec2(direction % DIRECTION_SIDE, direction / DIRECTION_SIDE) + ivec2(i % 3, i / 3) - 1;
-        // Each half of the map's edge continues at its other half.
-        if (at.x < 0 || at.x >= SIDE) {
-            at = ivec2(clamp(at.x, 0, SIDE - 1), SIDE - 1 - at.y);
-        }
-        if (at.y < 0 || at.y >= SIDE) {
-            at = ivec2(SIDE - 1 - at.x, clamp(at.y, 0, SIDE - 1));
-        }
-        most = max(most, luminances[at.y * SIDE + at.x]);
-    }
-    return most;
-}
-
 void main() {
     uint slot = gl_WorkGroupID.y * DEPTH_IMAGE_ROW + gl_WorkGroupID.x;
     if (slot >= args.cache_count) {
@@ -221,42 +192,6 @@ void main() {
 #ifdef TRACED
         sum += from_caches(slot, direction, tangent, bitangent);
 #endif
-        uint packed_ = pack_radiance(sum);
-        radiances[cache * DIRECTIONS + direction] = packed_;
-        luminances[direction] = dot(unpack_radiance(packed_), vec3(0.2126, 0.7152, 0.0722));
-        vec2 at = vec2(direction % DIRECTION_SIDE, direction / DIRECTION_SIDE) + 0.5;
-        float cosine = dot(c.normal, octahedral_decode(at * (2.0 / float(DIRECTION_SIDE)) - 1.0));
-        // Pixels about the cache face other ways, too.
-        surface_light[direction] = luminances[direction] * direction_solid_angle(direction) * max(cosine, LEAST_FACING);
-    }
-    for (uint part = thread; part < GUIDES; part += THREADS) {
-        part_directions[part] = NO_DIRECTION;
-    }
-    barrier();
-    float total = 0.0;
-    for (uint i = 0u; i < DIRECTIONS; ++i) {
-        total += surface_light[i];
-    }
-    float parts_per_light = total > 1e-30 && total < 1e30 ? float(GUIDES) / total : 0.0;
-    for (uint direction = thread; direction < DIRECTIONS; direction += THREADS) {
-        float before = 0.0;
-        for (uint i = 0u; i < direction; ++i) {
-            before += surface_light[i];
-        }
-        uint first = min(uint(before * parts_per_light + 0.5), GUIDES);
-        uint end = min(uint((before + surface_light[direction]) * parts_per_light + 0.5), GUIDES);
-        for (uint part = first; part < end; ++part) {
-            part_directions[part] = direction;
-        }
-        uint about = floatBitsToUint(luminance_about(direction));
-        guides[cache * GUIDE_WORDS + direction] = (about & ~0xffu) | (end - first);
-    }
-    barrier();
-    for (uint four = thread; four < GUIDES / 4u; four += THREADS) {
-        uint word = 0u;
-        for (uint i = 0u; i < 4u; ++i) {
-            word |= part_directions[4u * four + i] << (8u * i);
-        }
-        guides[cache * GUIDE_WORDS + DIRECTIONS + four] = word;
+        radiances[cache * DIRECTIONS + direction] = pack_radiance(sum);
     }
 }

@@ -94,14 +94,16 @@ void main() {
             found.all += weight * known.radiance;
             found.far += met ? vec3(0.0) : weight * far;
             found.irradiance += weight * arrives;
+#ifdef SKY
+            found.all_sky += weight * radiance;
+            found.open_sky += met ? vec3(0.0) : weight * open * radiance;
+#endif
         }
         if (i < RAYS) {
             found.crowding += 1.0 / (float(RAYS) * max(met ? min(ray.distance, push.reach) : push.reach, 1e-30));
             found.open += met || ENDLESS == 1u ? 0.0 : 1.0 / float(RAYS);
 #ifdef SKY
-            found.all_sky += radiance;
             found.hidden_sky += hides ? sky_luminance * vec2(1.0, 1.0 / max(ray.distance, 1e-30)) : vec2(0.0);
-            found.open_sky += met ? vec3(0.0) : open * radiance;
 #endif
         }
 #ifdef GLOSSY

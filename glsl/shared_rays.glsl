@@ -127,7 +127,7 @@ struct NearPixel {
     float sky; // luminance of the sky that the lobe receives [cd/m^2]
     vec3 mirrored; // unit axis of the lobe
     float sky_all; // as `sky`, without occlusion
-    vec3 open_sky; // sum of the sky's radiance along the rays that reach it [cd/m^2]
+    vec3 open_sky; // irradiance by the sky along the rays that reach it [lx]
     vec3 all_sky; // as `open_sky`, along all rays
     vec2 hidden_sky; // luminance of the sky behind surfaces hit [cd/m^2], and its sum over their distance [cd/m^3]
 };

@@ -9,7 +9,7 @@ use lightskin::frame::{ClusterRule, Counts, View, World};
 use lightskin::gpu::{Gpu, Validation};
 use lightskin::lab::knobs::{Frame, Knobs, Path};
 use lightskin::lab::shot;
-use lightskin::reference::cluster::{Cut, GROUP, Node, Pyramid, Rule, Share};
+use lightskin::reference::cluster::{Cut, GROUP, Node, Pyramid, Rule};
 use lightskin::reference::gather::{self, Cache, Gathered, gather};
 use lightskin::reference::rsm::Val;
 use lightskin::scene::{LightKind, Scene};
@@ -112,14 +112,7 @@ fn caches() -> Vec<Cache> {
 }
 
 fn cuts() -> Vec<Cut> {
-    let rules = [
-        Rule::Distance(1.0),
-        Rule::Distance(4.0),
-        Rule::Bound(0.1),
-        Rule::Bound(0.01),
-        Rule::Change(0.1, Share::Own),
-        Rule::Change(0.01, Share::Total),
-    ];
+    let rules = [Rule::Distance(1.0), Rule::Distance(4.0), Rule::Bound(0.1), Rule::Bound(0.01)];
     let cut = |rule, spread, blend| Cut { rule, spread, blend };
     rules.into_iter().flat_map(|r| [cut(r, 1.0, 1.0), cut(r, 0.3, 1.5), cut(r, f64::INFINITY, 3.0)]).collect()
 }
@@ -253,7 +246,7 @@ fn a_group_goes_down_as_far_as_its_most_careful_cache() {
         let alone: Vec<_> = caches.iter().map(|cache| pyramid.gather(&[*cache], None, &cut)).collect();
         assert!(cost.pairs >= alone.iter().map(|(_, cost)| cost.pairs).sum(), "{cut:?}");
         let alone: Vec<Gathered> = alone.into_iter().flat_map(|(found, _)| found).collect();
-        if cut.blend > 1.0 && !matches!(cut.rule, Rule::Change(..)) {
+        if cut.blend > 1.0 {
             together.iter().zip(&alone).for_each(|(t, a)| assert_near(t, a, 1e-4, &format!("{cut:?}")));
         } else if matches!(cut.rule, Rule::Distance(_)) {
             assert!(error(&together) <= error(&alone), "{cut:?}: {} {}", error(&together), error(&alone));

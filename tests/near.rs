@@ -93,7 +93,7 @@ fn directions_of_light_are_those_of_f64() {
             let parts = parts.iter().flat_map(|word| word.to_le_bytes());
             let listed = (0_u8..).zip(counts.clone()).flat_map(|(direction, count)| vec![direction; count as usize]);
             assert!(parts.eq(listed) || counts.clone().all(|count| count == 0), "{words:x?}");
-            let wanted = part_counts(&shown, normal);
+            let wanted = part_counts(&shown.into_iter().map(luminance).collect::<Vec<_>>(), normal);
             moved += wanted.iter().zip(counts).map(|(wanted, count)| wanted.abs_diff(count)).sum::<u32>();
         }
         println!("{shadows:?}, {rsm} texels: {count} caches, relative error {:.5}", off / sum.length());

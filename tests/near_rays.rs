@@ -95,7 +95,7 @@ fn in_f64(
     let sum: f64 = sorted.iter().map(|cache| around.weight(&surface, *cache)).sum();
     let about: Vec<_> = sorted.iter().map(|cache| (*cache, around.weight(&surface, *cache) / sum)).collect();
     let far = FarLight { radiances: &traced.radiances, guides: &traced.guides };
-    let rays = far.rays(&about, [normal; 2], (EACH, place), traced.reach_and_turn);
+    let rays = far.rays(&about, [normal; 2], ([EACH, EACH / 4], place), traced.reach_and_turn);
     let mut found = Found { rays: rays.len() as u32, guided: rays.len() as u32 - EACH, ..Found::default() };
     for (number, ray) in (0..).zip(rays) {
         // All surfaces are flat. Positions are rounded, so rays start slightly above the surface.

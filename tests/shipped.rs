@@ -68,8 +68,15 @@ fn packed(sources: u64, shaders: &[(String, Vec<u8>)]) -> Vec<u8> {
         bytes.extend(spirv);
     }
     // SPIR-V words have four bytes.
-    let options =
-        LzmaOptions { dict_size: 16 << 20, lc: 0, lp: 2, pb: 2, nice_len: 273, ..LzmaOptions::with_preset(9) };
+    let options = LzmaOptions {
+        dict_size: 16 << 20,
+        lc: 0,
+        lp: 2,
+        pb: 2,
+        nice_len: 273,
+        depth_limit: 48,
+        ..LzmaOptions::with_preset(9)
+    };
     let mut packer = LzmaWriter::new_use_header(Vec::new(), &options, Some(bytes.len() as u64)).expect("options");
     packer.write_all(&bytes).expect("in memory");
     packer.finish().expect("all of it")

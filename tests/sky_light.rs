@@ -6,12 +6,15 @@ use lightskin::bake::CacheSet;
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::near::CACHE_REACH;
 use lightskin::frame::{Engine, LightShadows, Look, Near, Picture, Shadows, World};
+use lightskin::gpu::Buffer;
 use lightskin::lab::knobs::Knobs;
 use lightskin::metrics::metrics;
 use lightskin::reference::bounce::{Met, exchange};
 use lightskin::reference::depth_image::tangents;
 use lightskin::reference::hit_caches::Around;
-use lightskin::reference::near::{direction_index, sky_along, unpack_radiance};
+use lightskin::reference::near::{
+    FarLight, direction_index, middle_of, open_share, part_counts, sky_along, unpack_radiance,
+};
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::reference::sky::seen;
 use lightskin::reference::world::{Sides, World as Placed};
@@ -21,7 +24,8 @@ use lightskin::scene::sky::Sky;
 use lightskin::scene::sky_filter::{LOBES, irradiance, lobes};
 use lightskin::scene::{Camera, Material, Projection, Scene, luminance, tessellate};
 use lightskin::shared::{
-    Cache, DEPTH_IMAGE_SIDE, DIRECTIONS, GatherSums, NEAR_SIDE, NearPixel, SKY_ITSELF, SKY_OF_CACHES, SkySeen, Val,
+    Cache, DEPTH_IMAGE_SIDE, DIRECTIONS, GUIDE_WORDS, GUIDES, GatherSums, NearPixel, SKY_ITSELF, SKY_OF_CACHES,
+    SkySeen, Val,
 };
 use std::f64::consts::PI;
 
@@ -155,8 +159,8 @@ fn caches_see_of_the_sky_what_f64_rays_see() {
     assert_clean(&gpu);
 }
 
-/// Caches far apart call many directions partly open. There each pixel's own rays decide. Endless rays decide
-/// alone.
+/// Caches far apart call many directions partly open. There each pixel's own rays decide, some of which follow the open
+/// sky. Endless rays decide alone.
 #[test]
 fn pixels_see_of_the_sky_what_f64_rays_see() {
     let gpu = gpu();
@@ -170,37 +174,57 @@ fn pixels_see_of_the_sky_what_f64_rays_see() {
         let pixels: Vec<NearPixel> = gpu.read(&found.pixels).expect("read");
         let light = frame.light.caches().expect("caches");
         let parts: Vec<u32> = gpu.read(&light.sky.as_ref().expect("a sky").0.open).expect("read");
+        let part = |cache: usize, at: usize| parts[(cache * DIRECTIONS as usize + at) / 4] >> (8 * (at % 4)) & 0xff;
+        let words = |buffer: Option<&Buffer>| -> Vec<u32> { gpu.read(buffer.expect("directions")).expect("read") };
+        let (radiances, guides) = (words(light.gather.radiances()), words(light.gather.guides()));
         let whole = scene.sky.as_ref().expect("a sky");
         let (received, smooth) = (irradiance(whole), &lobes(whole)[(SKY_OF_CACHES - SKY_ITSELF - 1) as usize]);
         let places = shoot(&gpu, &scene, Some(&caches), &knobs([8, 8], RAYS)).caches;
         let placed = Placed::new(&scene);
         let spacing = caches.spacing;
         let around = Around { world: &placed, caches: &places, reach: spacing, lift: 0.0 };
-        let count = 8 * NEAR_SIDE * NEAR_SIDE;
+        let live: Vec<u32> = gpu.read(&light.gather.live().expect("a list").list).expect("read");
+        let live_count = light.gather.live().expect("a list").lit(&gpu).expect("read") as usize;
+        let (mut elsewhere, mut to_sky) = (0, 0);
+        for cache in live[..live_count].iter().map(|cache| *cache as usize) {
+            let [first, first_guide] = [DIRECTIONS, GUIDE_WORDS].map(|each| cache * each as usize);
+            let of_sky = |at| open_share(at, |at| part(cache, at)) * luminance(smooth.radiance(middle_of(at)));
+            let of_caches = |at: usize| luminance(unpack_radiance(radiances[first + at]));
+            let all: Vec<f64> = (0..DIRECTIONS as usize).map(|at| of_caches(at) + of_sky(at)).collect();
+            let counts = guides[first_guide..].iter().map(|word| word & 0xff);
+            let wanted = part_counts(&all, places[cache].normal);
+            elsewhere += wanted.iter().zip(counts.clone()).map(|(wanted, count)| wanted.abs_diff(count)).sum::<u32>();
+            to_sky +=
+                counts.take(all.len()).enumerate().filter(|(at, _)| part(cache, *at) > 0).map(|(_, n)| n).sum::<u32>();
+        }
+        let all_parts = GUIDES * live_count as u32;
+        println!("{live_count} caches: {elsewhere} of {all_parts} parts are elsewhere, {to_sky} lead to the sky");
+        assert!(elsewhere < all_parts / 20 && to_sky > all_parts / 4, "{elsewhere}, {to_sky} of {all_parts}");
+        let far = FarLight { radiances: &radiances, guides: &guides };
         let (mut shown, mut differ, mut by_caches, mut most) = (0, 0, 0, 0.0_f64);
         for (i, pixel) in pixels.iter().enumerate().filter(|(_, pixel)| pixel.geometric > 0.0) {
             let (x, y) = (i as u32 % found.size[0], i as u32 / found.size[0]);
-            let numbers = (0..8).map(|ray| (ray * NEAR_SIDE + y % NEAR_SIDE) * NEAR_SIDE + x % NEAR_SIDE);
             let (position, normal) = (pixel.position.as_dvec3() + world.origin, pixel.normal.as_dvec3());
             let hit = placed.nearest(position + 1e-3 * normal, -normal, Sides::Both).expect("the pixel's surface");
             let surface = placed.surface(&hit);
             let mut sorted = around.sorted(&surface, &references_at(&scene, &caches, &hit).concat());
             sorted.truncate(3);
             let all: f64 = sorted.iter().map(|cache| around.weight(&surface, *cache)).sum();
+            let about: Vec<_> = sorted.iter().map(|c| (*c, around.weight(&surface, *c) / all)).collect();
             let sky = |way: DVec3| {
                 let direction = direction_index(way);
-                let part =
-                    |cache: usize| parts[(cache * DIRECTIONS as usize + direction) / 4] >> (8 * (direction % 4)) & 0xff;
-                let open = sorted.iter().map(|c| around.weight(&surface, *c) / all * f64::from(part(*c)) / 4.0).sum();
+                let open = about.iter().map(|(c, share)| share * f64::from(part(*c, direction)) / 4.0).sum();
                 (open, smooth.radiance(way) + 1e-4 / PI * luminance(received.radiance(normal)))
             };
             let start = surface.position + 2e-5 * surface.geometric;
             let normals = [surface.geometric, normal];
-            let wanted = sky_along(&placed, start, normals, numbers.clone(), count, spacing, |way| {
+            let [rays, short] = [if near == endless { f64::INFINITY } else { spacing }, spacing]
+                .map(|reach| far.rays(&about, normals, ([8, 4], [x, y]), [reach, 0.0]));
+            let wanted = sky_along(&placed, start, (&rays, 8), |way| {
                 let (open, radiance) = sky(way);
                 (if near == endless { 0.5 } else { open }, radiance)
             });
-            let by_opinion = sky_along(&placed, start, normals, numbers, count, spacing, |way| {
+            let by_opinion = sky_along(&placed, start, (&short, 8), |way| {
                 let (open, radiance) = sky(way);
                 (if near == endless { open } else { f64::from(u8::from(open > 0.5)) }, radiance)
             });

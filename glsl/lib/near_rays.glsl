@@ -39,7 +39,11 @@ const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 const float AGREE = 0.3;
 
 // Guided rays per pixel: their directions are those that caches receive most light from.
+#ifdef SKY
+const uint GUIDED = (RAYS + 1u) / 2u; // some follow the sky
+#else
 const uint GUIDED = (RAYS + 3u) / 4u;
+#endif
 
 // Pixels of a square that has all directions.
 const uint ALL = NEAR_SIDE * NEAR_SIDE;

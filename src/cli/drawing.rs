@@ -67,8 +67,8 @@ pub(super) struct DrawingArgs {
     /// reference].
     #[arg(long, help_heading = QUALITY, value_enum)]
     near: Option<NearArg>,
-    /// Short rays per traced pixel, and a quarter as many more towards bright regions; 16 neighbouring pixels share their
-    /// rays [default: 8 at --quality high; 4 with --aa 64].
+    /// Short rays per traced pixel, and a quarter as many more towards bright regions, or half as many under a sky; 16
+    /// neighbouring pixels share their rays [default: 8 at --quality high; 4 with --aa 64].
     #[arg(long, help_heading = QUALITY, hide_short_help = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32))]
     near_rays: Option<u32>,
     /// Trace short rays at every N-th pixel of every N-th row; 0: 2, but 1 below 640x360 pixels [default: 0 at --quality

@@ -8,7 +8,7 @@ use super::depth_images::{DepthImages, are_texels, binds};
 use super::live::Live;
 use super::proxies::Lit;
 use crate::error::Result;
-use crate::gpu::{Bind, Buffer, Cmd, Device, Pipeline};
+use crate::gpu::{Bind, Buffer, Cmd, Device, Pipeline, Use};
 use crate::shared::{DIRECTIONS, DirectionsPush, GUIDE_WORDS, LiveArgs, VAL_TILE, Val};
 use std::mem::offset_of;
 
@@ -22,6 +22,7 @@ pub(super) struct Directions {
     /// What guides the rays of pixels, `GUIDE_WORDS` values per cache.
     pub(super) guides: Buffer,
     pipeline: Pipeline,
+    guide: Pipeline,
     /// Squared distances between which VALs fade in [m^2].
     pub(super) fade: [f32; 2],
     /// Consecutive VALs that are treated as one.
@@ -38,7 +39,7 @@ impl Directions {
     pub(super) fn new(
         gpu: &Device,
         [caches, vals]: [u32; 2],
-        [shadowed, bounces, lobes]: [bool; 3],
+        [shadowed, bounces, lobes, sky]: [bool; 4],
         near: f32,
         together: u32,
     ) -> Result<Self> {
@@ -56,6 +57,7 @@ impl Directions {
             guides: gpu.buffer("directions.guides", u64::from(caches.max(1)) * u64::from(4 * GUIDE_WORDS))?,
             radiances: gpu.buffer("directions.radiances", bytes)?,
             pipeline: gpu.compute(name, &constants[..3 + usize::from(shadowed)])?,
+            guide: gpu.compute(if sky { "guides_sky.comp" } else { "guides.comp" }, &[])?,
             fade: [0.8, 1.2].map(|share| (share * near).powi(2)),
             together,
         })
@@ -82,10 +84,14 @@ impl Directions {
                 None => resources.extend([val_count.into(), vals.into(), Bind::SomeTexels(vals), scales.into()]),
             }
         }
-        resources.push((&self.guides).into());
         cmd.bind(&self.pipeline, &resources);
         let [begin, end] = self.fade;
         cmd.push(&DirectionsPush { near_begin: begin, near_scale: 1.0 / (end - begin), together: self.together });
+        cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
+        cmd.barrier(Use::ComputeWrite, Use::ComputeRead); // radiances
+        let caches = [&lit.atlas.caches, &live.list, &live.args, &self.radiances, &self.guides];
+        let sky = lit.sky.iter().flat_map(|sky| [sky.open, sky.texels, sky.levels]);
+        cmd.bind(&self.guide, &caches.into_iter().chain(sky).map(Bind::from).collect::<Vec<_>>());
         cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
     }
 }

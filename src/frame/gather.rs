@@ -13,7 +13,7 @@ use super::gather_draws::Draws;
 use super::live::{Items, Live, new_parts, parts_of, split_of};
 use super::near::CACHE_REACH;
 use super::plan::Plan;
-pub use super::proxies::Lit;
+pub use super::proxies::{Lit, SeenSky};
 use super::settings::{self, Near, Shadows, Ways};
 pub use super::sums::ComputeKind;
 use super::sums::{SumBinds, SumKind, sum_pipeline};
@@ -64,9 +64,21 @@ impl Gather {
                 let emitted = if plan.emitters { world.emitters.len() as u32 } else { 0 };
                 let is_near = plan.near != Near::Off;
                 let near = if is_near { (CACHE_REACH * world.spacing()) as f32 } else { 0.0 };
-                let sky = plan.sends_sky;
+                let (sky, sees_sky) = (plan.sends_sky, plan.sky_light);
                 let lobes = plan.sends_lobes;
-                let kind = ComputeKind { glossy, lobes, shadows, together, bounces, emitted, sky, weight, eyes, near };
+                let kind = ComputeKind {
+                    glossy,
+                    lobes,
+                    shadows,
+                    together,
+                    bounces,
+                    emitted,
+                    sky,
+                    sees_sky,
+                    weight,
+                    eyes,
+                    near,
+                };
                 Self::Compute(Box::new(match (shadows, is_near) {
                     (Shadows::PerLight, true) => {
                         let images = DepthImages::traced(gpu, world, bounces > 0)?;
@@ -204,7 +216,7 @@ impl Compute {
         let split = split_of(caches, vals, ways.split, LONGEST_PART);
         let per_workgroup = GATHER_THREADS * ways.caches();
         let live = Live::new(gpu, Items { caches, group: 1, per_workgroup, lights: vals, split })?;
-        let ComputeKind { glossy, shadows, together, bounces, eyes, near, lobes, .. } = kind;
+        let ComputeKind { glossy, shadows, together, bounces, eyes, near, lobes, sees_sky, .. } = kind;
         let is_near = near > 0.0;
         // Shaders expect planes wherever short rays find nearby light.
         assert!(depth_images.as_ref().is_none_or(|images| images.are_traced() == is_near), "images of another kind");
@@ -223,7 +235,7 @@ impl Compute {
         };
         let to_rays = || {
             let (shadowed, further) = (shadows == Shadows::PerLight, bounces.is_some());
-            Directions::new(gpu, [caches, vals], [shadowed, further, lobes], near, together)
+            Directions::new(gpu, [caches, vals], [shadowed, further, lobes, sees_sky], near, together)
         };
         let two_eyes = || -> Result<TwoEyes> {
             let bytes = u64::from(caches.max(1)) * u64::from(parts) * size_of::<GlossySums>() as u64;
@@ -310,7 +322,7 @@ impl Compute {
                 let leave_out = self.near.is_some().then_some(&leave_out as &dyn Fn());
                 bounces.record(
                     cmd,
-                    Sources { albedos, sky: lit.sky, emitted: lit.vals.emitted.as_ref(), sent_on },
+                    Sources { albedos, sky: lit.sky.map(|sky| sky.seen), emitted: lit.vals.emitted.as_ref(), sent_on },
                     [&sums[0], &sums[1]],
                     &lit.proxies.buffer,
                     pushes,

@@ -104,9 +104,9 @@ pub(super) fn as_texels(gpu: &Device) -> u32 {
     u32::from(gpu.reads_texels(gpu.most_buffer_bytes()))
 }
 
-/// Guided rays of a pixel with this many rays about its normal.
-fn guided(rays: u32) -> u32 {
-    rays.div_ceil(4)
+/// Guided rays of a pixel with this many rays about its normal. Under a sky there are more: some follow its light.
+fn guided(rays: u32, sky: bool) -> u32 {
+    rays.div_ceil(if sky { 2 } else { 4 })
 }
 
 /// Workgroups whose rays are kept at once: a multiple of those that have all directions.
@@ -132,7 +132,7 @@ impl NearRays {
         let endless = u32::from(matches!(near, Near::Endless { .. }));
         let constants = [stack, levels, texels, holes, per_pixel, references, by_cells, endless];
         let sky = 2 * usize::from(plan.sky_light);
-        let slots = per_pixel + guided(per_pixel) + if plan.glossy { LOBE_RAYS } else { 0 };
+        let slots = per_pixel + guided(per_pixel, plan.sky_light) + if plan.glossy { LOBE_RAYS } else { 0 };
         let names = if plan.glossy {
             ["near_filter_glossy.comp", "near_spread_glossy.comp"]
         } else {
@@ -237,7 +237,7 @@ impl NearRays {
                     seen_lift: (SEEN_LIFT * world.spacing()) as f32,
                     root: rays.root,
                     rays: self.near.per_pixel(),
-                    guided: self.near.per_pixel() + guided(self.near.per_pixel()),
+                    guided: self.near.per_pixel() + guided(self.near.per_pixel(), self.sky),
                     slots: self.slots,
                     light_count: world.lights().len() as u32,
                     reflects: u32::from(self.reflects),

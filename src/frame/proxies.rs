@@ -48,8 +48,21 @@ pub struct Lit<'a> {
     pub eyes: &'a [Vec4],
     /// Diffuse albedos of the caches; only with further bounces.
     pub albedos: Option<&'a Buffer>,
-    /// The sky as caches see it, one `SkySeen` each; only where they do.
-    pub sky: Option<&'a Buffer>,
+    /// The sky as caches see it; only where they do.
+    pub sky: Option<SeenSky<'a>>,
+}
+
+/// The sky as caches see it.
+#[derive(Clone, Copy)]
+pub struct SeenSky<'a> {
+    /// One `SkySeen` per cache.
+    pub seen: &'a Buffer,
+    /// Openness of each cache by direction.
+    pub open: &'a Buffer,
+    /// Texels of the sky's grids.
+    pub texels: &'a Buffer,
+    /// The grids.
+    pub levels: &'a Buffer,
 }
 
 impl Lit<'_> {

@@ -1,7 +1,7 @@
 //! Records one frame: finds the outdated parts, then runs the stages in order.
 
 use super::brute_force::{BruteForce, blocks};
-use super::gather::{Gather, Lit};
+use super::gather::{Gather, Lit, SeenSky};
 use super::interpolate::Shaded;
 use super::light::{IndirectLight, Light};
 use super::picture::Picture;
@@ -186,7 +186,10 @@ fn record_start(cmd: &Cmd<'_>, world: &World, light: &Light, views: &[(View, &mu
             {
                 let _zone = enter(plan::GATHER); // 6
                 let albedos = world.cache_albedos();
-                let sky = caches.sky.as_ref().map(|(of_caches, _)| &of_caches.seen);
+                let sky = caches.sky.as_ref().zip(world.sky_light.as_ref()).map(|((of_caches, _), sky)| {
+                    let (seen, open) = (&of_caches.seen, &of_caches.open);
+                    SeenSky { seen, open, texels: &sky.texels, levels: &sky.levels }
+                });
                 caches.gather.record(cmd, &Lit { vals: &rsm.vals, atlas, proxies, eyes: &eyes, albedos, sky });
             }
             if let Some(occlude) = &caches.occlude {
@@ -389,7 +392,7 @@ fn find_outdated(world: &World, light: &mut Light, views: &mut [(View, &mut Pict
         outdated.sky = made.sky.renew([made.atlas.revision(), world.revisions.sky]) || anew;
         outdated.depth_images = made.depth_images.renew([made.atlas.revision(), order]) || anew;
         let eyes = views.iter().filter(|_| plan.lobes).map(|(_, picture)| picture.made.eye.revision());
-        let sky = plan.sends_sky.then(|| made.sky.revision());
+        let sky = plan.sky_light.then(|| made.sky.revision());
         outdated.proxies = made.proxies.renew(eyes.chain([vals, made.atlas.revision(), order]).chain(sky)) || anew;
         indirect = made.proxies.revision();
     }

@@ -22,6 +22,8 @@ pub struct ComputeKind {
     pub emitted: u32,
     /// Caches send the sky's light on.
     pub sky: bool,
+    /// Caches see a sky.
+    pub sees_sky: bool,
     /// Weight of VALs in the positions of proxies.
     pub weight: ProxyWeight,
     /// Maximum number of views in a frame.
@@ -43,6 +45,7 @@ impl ComputeKind {
             bounces: 0,
             emitted: 0,
             sky: false,
+            sees_sky: false,
             weight,
             eyes: 1,
             near: 0.0,

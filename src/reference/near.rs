@@ -34,6 +34,29 @@ fn texel_middle(index: usize) -> [f64; 2] {
     [index % side, index / side].map(|i| (i as f64 + 0.5) / side as f64 * 2.0 - 1.0)
 }
 
+/// A direction's texel and its eight neighbours.
+fn beside(texel: usize) -> impl Iterator<Item = usize> {
+    let middle = texel_middle(texel);
+    let one = 2.0 / f64::from(DIRECTION_SIDE);
+    (-1..=1).flat_map(|j| (-1..=1).map(move |i| [f64::from(i), f64::from(j)])).map(move |step| {
+        // Beyond its edge the square goes on as if turned about the edge's middle.
+        let [mut x, mut y] = [0, 1].map(|k| middle[k] + step[k] * one);
+        if x.abs() > 1.0 {
+            [x, y] = [2.0_f64.copysign(x) - x, -y];
+        }
+        if y.abs() > 1.0 {
+            [x, y] = [-x, 2.0_f64.copysign(y) - y];
+        }
+        direction_index(on_octahedron(x, y).normalize())
+    })
+}
+
+/// Share of a direction that is open to the sky, by the number of open quarters per direction. It is 0 where the sky all
+/// around is open, too: there caches know the sky, and no ray need follow it.
+pub fn open_share(texel: usize, quarters: impl Fn(usize) -> u32) -> f64 {
+    if beside(texel).all(|texel| quarters(texel) == 4) { 0.0 } else { f64::from(quarters(texel)) / 4.0 }
+}
+
 /// Solid angle \[sr\] of a direction's square on the octahedron, evaluated at its centre.
 pub fn solid_angle(index: usize) -> f64 {
     let [x, y] = texel_middle(index);
@@ -115,15 +138,17 @@ fn on_octahedron(x: f64, y: f64) -> DVec3 {
     DVec3::new(folded(x, y), folded(y, x), z)
 }
 
+/// Unit vector to the middle of a direction's texel.
+pub fn middle_of(index: usize) -> DVec3 {
+    let [x, y] = texel_middle(index);
+    on_octahedron(x, y).normalize()
+}
+
 /// Where most of a cache's light comes from: how many of [`GUIDES`] parts of equal illuminance each direction has.
-/// `radiances` by direction [cd/m^2], `normal` of the cache.
-pub fn part_counts(radiances: &[DVec3], normal: DVec3) -> Vec<u32> {
-    let illuminance = |(i, radiance): (usize, &DVec3)| {
-        let [x, y] = texel_middle(i);
-        let cosine = on_octahedron(x, y).normalize().dot(normal);
-        luminance(*radiance) * solid_angle(i) * cosine.max(0.1)
-    };
-    let light: Vec<f64> = radiances.iter().enumerate().map(illuminance).collect();
+/// `luminances` by direction [cd/m^2], with the sky's; `normal` of the cache.
+pub fn part_counts(luminances: &[f64], normal: DVec3) -> Vec<u32> {
+    let illuminance = |(i, luminance): (usize, &f64)| luminance * solid_angle(i) * middle_of(i).dot(normal).max(0.1);
+    let light: Vec<f64> = luminances.iter().enumerate().map(illuminance).collect();
     let total: f64 = light.iter().sum();
     let parts = |light: f64| if total > 0.0 { (light / total * f64::from(GUIDES)).round() as u32 } else { 0 };
     let (mut sum, mut counted) = (0.0, 0);
@@ -170,36 +195,23 @@ impl FarLight<'_> {
 
     /// Greatest luminance [cd/m^2] of a direction and its eight neighbours, as a cache knows it.
     fn luminance_about(&self, cache: usize, texel: usize) -> f64 {
-        let middle = texel_middle(texel);
-        let one = 2.0 / f64::from(DIRECTION_SIDE);
-        let beside = (-1..=1).flat_map(|j| (-1..=1).map(move |i| [f64::from(i), f64::from(j)])).map(|step| {
-            // Beyond its edge the square goes on as if turned about the edge's middle.
-            let [mut x, mut y] = [0, 1].map(|k| middle[k] + step[k] * one);
-            if x.abs() > 1.0 {
-                [x, y] = [2.0_f64.copysign(x) - x, -y];
-            }
-            if y.abs() > 1.0 {
-                [x, y] = [-x, 2.0_f64.copysign(y) - y];
-            }
-            direction_index(on_octahedron(x, y).normalize())
-        });
         let known = |texel: usize| unpack_radiance(self.radiances[cache * DIRECTIONS as usize + texel]);
-        beside.map(|texel| luminance(known(texel))).fold(0.0, f64::max)
+        beside(texel).map(|texel| luminance(known(texel))).fold(0.0, f64::max)
     }
 
-    /// Rays of a point with the two unit `normals` of its triangle and its vertices: `each` about the vertex normal, and a
-    /// quarter as many guided ones. `x` and `y` are the column and row of its pixel. Rays about the normal are turned about
+    /// Rays of a point with the two unit `normals` of its triangle and its vertices: `each` about the vertex normal, and
+    /// `guided` ones. `x` and `y` are the column and row of its pixel. Rays about the normal are turned about
     /// it by `turn` \[rad\]. `caches` about the point have these weights, which sum to 1, the greatest first. If `reach`
     /// \[m\] is infinite, the caches' light counts for nothing.
     pub fn rays(
         &self,
         caches: &[(usize, f64)],
         [geometric, normal]: [DVec3; 2],
-        (each, [x, y]): (u32, [u32; 2]),
+        ([each, guided], [x, y]): ([u32; 2], [u32; 2]),
         [reach, turn]: [f64; 2],
     ) -> Vec<NearRay> {
         const SQUARE: u32 = NEAR_SIDE * NEAR_SIDE;
-        let (guided, square) = (each.div_ceil(4), [x, y].map(|at| at / NEAR_SIDE));
+        let square = [x, y].map(|at| at / NEAR_SIDE);
         let subset = y % NEAR_SIDE * NEAR_SIDE + x % NEAR_SIDE;
         let [tangent, bitangent] = tangents(normal);
         let about = (0..each).map(|i| {
@@ -249,55 +261,39 @@ impl FarLight<'_> {
     }
 }
 
-/// Unit directions of a point's rays about its vertex normal: `numbers` selects them out of `count`. The point's unit
-/// normals are the triangle's and the interpolated vertex normal.
-fn ways(
-    [geometric, normal]: [DVec3; 2],
-    numbers: impl Iterator<Item = u32>,
-    count: u32,
-) -> impl Iterator<Item = DVec3> {
-    let [tangent, bitangent] = tangents(normal);
-    numbers.map(move |number| {
-        let local = direction(number, count);
-        let way = tangent * local.x + bitangent * local.y + normal * local.z;
-        way - 2.0 * way.dot(geometric).min(0.0) * geometric
-    })
-}
-
 /// What a point's rays find of a sky.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SkyAlong {
-    /// Sum of the sky's radiance along the rays that reach it [cd/m^2].
+    /// Irradiance by the sky along the rays that reach it \[lx\].
     pub open: DVec3,
     /// The same along all rays.
     pub all: DVec3,
-    /// Luminance of the sky behind surfaces hit [cd/m^2], and its sum over their distance \[cd/m^3\].
+    /// Sum of the sky's luminance behind surfaces that rays about the normal hit [cd/m^2], and its sum over their distance
+    /// \[cd/m^3\].
     pub hidden: DVec2,
 }
 
-/// The sky along a point's rays. A surface within `reach` \[m\] blocks a ray. Beyond that, `sky` tells by direction how
-/// open the caches call it, and its radiance; if they call it neither open nor closed, the ray goes on and decides. The
-/// point's unit normals are the triangle's and the interpolated vertex normal; `numbers` selects the rays out of `count`.
+/// The sky along a point's rays, of which `each` are about the normal. A surface within their reach blocks them. Beyond that,
+/// `sky` tells by direction how open the caches call it, and its radiance; if they call it neither open nor closed, the
+/// ray goes on and decides.
 pub fn sky_along(
     world: &World<'_>,
     position: DVec3,
-    normals: [DVec3; 2],
-    numbers: impl Iterator<Item = u32>,
-    count: u32,
-    reach: f64,
+    (rays, each): (&[NearRay], u32),
     sky: impl Fn(DVec3) -> (f64, DVec3),
 ) -> SkyAlong {
     let mut found = SkyAlong::default();
-    for way in ways(normals, numbers, count) {
-        let (open, radiance) = sky(way);
+    for (ray, number) in rays.iter().zip(0..) {
+        let (open, radiance) = sky(ray.way);
         let decides = (open - 0.5).abs() < 0.4999;
-        let reach = if decides { f64::INFINITY } else { reach };
-        match world.nearest(position, way, Sides::Both).filter(|hit| hit.distance < reach) {
-            Some(hit) => found.hidden += luminance(radiance) * DVec2::new(1.0, 1.0 / hit.distance),
-            None if decides => found.open += radiance,
-            None => found.open += open * radiance,
+        let reach = if decides { f64::INFINITY } else { ray.reach };
+        match world.nearest(position, ray.way, Sides::Both).filter(|hit| hit.distance < reach) {
+            Some(hit) if number < each => found.hidden += luminance(radiance) * DVec2::new(1.0, 1.0 / hit.distance),
+            Some(_) => {}
+            None if decides => found.open += ray.weight * radiance,
+            None => found.open += ray.weight * open * radiance,
         }
-        found.all += radiance;
+        found.all += ray.weight * radiance;
     }
     found
 }

@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::{Node, Pyramid};
+use super::Pyramid;
 use crate::reference::gather::{Cache, Gathered, Received, gather_received, luminance, receive, val_geometry};
 use crate::reference::phong::mirrored_view;
 use crate::reference::rsm::Val;
@@ -20,20 +20,9 @@ pub const GROUP: usize = 32;
 pub enum Rule {
     /// The node is farther away than this many of its radii: `c_val` of listing 6.6.
     Distance(f64),
-    /// Replacing the node by its children changes the luminance of the irradiance by at most this share.
-    Change(f64, Share),
     /// The node's largest possible irradiance, times the sum of its radius over its distance and its spread, is at most
     /// this share of the cache's irradiance from a coarse cut.
     Bound(f64),
-}
-
-/// Reference value for the share of a change.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Share {
-    /// The node's own irradiance.
-    Own,
-    /// The cache's total irradiance, from a coarse cut.
-    Total,
 }
 
 /// A cut: the rule, the treatment of differing normals, and the softness of decisions.
@@ -88,7 +77,7 @@ impl Pyramid<'_> {
     pub fn walk(&self, caches: &[Cache], cut: &Cut, each: &mut dyn FnMut(&Val, f64, &[f64])) -> Cost {
         assert!(caches.len() <= GROUP, "a group holds {GROUP} caches");
         let mut walk = Walk { caches, cut: *cut, totals: [0.0; GROUP], each, cost: Cost::default() };
-        if matches!(cut.rule, Rule::Bound(_) | Rule::Change(_, Share::Total)) {
+        if matches!(cut.rule, Rule::Bound(_)) {
             let mut sums = [0.0; GROUP];
             let cost = self.walk(caches, &coarse(cut), &mut |val, _, shares| {
                 for ((sum, cache), share) in sums.iter_mut().zip(caches).zip(shares) {
@@ -115,7 +104,6 @@ impl Pyramid<'_> {
         if caches.iter().all(|cache| node.is_dark(cache.position, cache.normal)) {
             return;
         }
-        let is_by_change = matches!(walk.cut.rule, Rule::Change(..));
         let (mut passes, mut kept) = (*passed, [0.0; GROUP]);
         for (i, cache) in caches.iter().enumerate() {
             passes[i] = passed[i].min(self.passes(index, cache, walk.totals[i], &walk.cut));
@@ -126,17 +114,9 @@ impl Pyramid<'_> {
         for i in 0..caches.len() {
             kept[i] = passed[i] - passes[i];
         }
-        // A change was judged by these parts, which are therefore already evaluated: receive them instead of the node.
-        if is_by_change {
-            walk.cost.pairs += caches.len() * self.parts(index, |_, _| ());
-        }
         if kept.iter().any(|share| *share > 0.0) {
-            if is_by_change {
-                self.parts(index, |val, weight| (walk.each)(val, weight, &kept[..caches.len()]));
-            } else {
-                walk.cost.pairs += caches.len();
-                (walk.each)(&node.val(), node.weight, &kept[..caches.len()]);
-            }
+            walk.cost.pairs += caches.len();
+            (walk.each)(&node.val(), node.weight, &kept[..caches.len()]);
         }
         if passes[..caches.len()].iter().all(|share| *share == 0.0) {
             return;
@@ -145,7 +125,7 @@ impl Pyramid<'_> {
             self.children(index).for_each(|child| self.descend(walk, child, &passes));
         }
         for val in self.vals_of(node) {
-            walk.cost.pairs += if is_by_change { 0 } else { caches.len() };
+            walk.cost.pairs += caches.len();
             (walk.each)(val, self.weight(val), &passes[..caches.len()]);
         }
     }
@@ -167,27 +147,7 @@ impl Pyramid<'_> {
                 let most = node.brightest(cache.position, cache.normal) * unlike;
                 smoothstep(share * total / cut.blend, share * total, most)
             }
-            Rule::Change(share, of) => {
-                let own = brightness(&node.val(), cache);
-                let mut finer = 0.0;
-                self.parts(index, |val, _| finer += brightness(val, cache));
-                let all = if of == Share::Own { own.max(finer) } else { total };
-                smoothstep(share * all / cut.blend, share * all, (own - finer).abs())
-            }
         }
-    }
-
-    /// Calls `each` with every part of a node that has weight, and the weight; returns their number.
-    fn parts(&self, index: usize, mut each: impl FnMut(&Val, f64)) -> usize {
-        let mut count = 0;
-        let mut give = |val: &Val, weight: f64| {
-            each(val, weight);
-            count += 1;
-        };
-        self.vals_of(&self.nodes[index]).for_each(|val| give(val, self.weight(val)));
-        let alive = |child: &&Node| child.weight > 0.0;
-        self.children(index).map(|child| &self.nodes[child]).filter(alive).for_each(|c| give(&c.val(), c.weight));
-        count
     }
 
     /// Light that a group of caches gathers by a cut; with an `eye` \[m\] also in the glossy lobe.

@@ -7,7 +7,7 @@
 
 mod cut;
 
-pub use cut::{Cut, GROUP, Rule, Share};
+pub use cut::{Cut, GROUP, Rule};
 
 use glam::DVec3;
 
