@@ -13,6 +13,7 @@ use lightskin::reference::form_factor::disc_form_factor;
 use lightskin::reference::gather::{Cache, val_geometry};
 use lightskin::reference::interpolate::{Scheme, kernel};
 use lightskin::reference::light::{body_falloff, range_window, spot_falloff};
+use lightskin::reference::near::alike;
 use lightskin::reference::occlude;
 use lightskin::reference::phong::{cos_power, phong_lobe};
 use lightskin::reference::rsm::{Val, solid_angle};
@@ -362,6 +363,24 @@ fn octahedral_coding_round_trips_within_the_unit_square() {
     check4(include, both, &inputs, |_| (0.0, 5e-7), twin);
     let inside = "vec4(all(lessThanEqual(abs(octahedral_encode(normalize(v(0)))), vec2(1.0))))";
     check4(include, inside, &inputs, |_| (0.0, 0.0), |_| [1.0; 4]);
+}
+
+#[test]
+fn surfaces_are_as_alike_as_the_twins() {
+    // A unit vector or so, four normals about it, and points in planes close to it.
+    let mut ranges = [(-0.25, 0.25); 18];
+    (0..3).chain(15..18).for_each(|i| ranges[i] = (-1.0, 1.0));
+    let mut inputs = random(14, 6000, ranges);
+    inputs.retain(|x| dvec3(x[0].into(), x[1].into(), x[2].into()).length() > 0.6);
+    let at = |x: &[f64; 18], i: usize| dvec3(x[i], x[i + 1], x[i + 2]);
+    let normal = |x: &[f64; 18], i: usize| (at(x, 0) + at(x, i)).normalize();
+    let facing = |i: usize| format!("Facing(normalize(v(0) + v({i})), normalize(v(0) + v({})))", i + 3);
+    let expression = format!("near_alike(cross(v(0), v(15)), {}, {})", facing(3), facing(9));
+    let twin = |x: &[f64; 18]| {
+        let [a, b] = [3, 9].map(|i| [normal(x, i), normal(x, i + 3)]);
+        alike(at(x, 0).cross(at(x, 15)), a, b)
+    };
+    check(&["lib/near_alike.glsl"], &expression, &inputs, |_| FEW, 2e-5, twin);
 }
 
 // Overlap.

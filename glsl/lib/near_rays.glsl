@@ -1,5 +1,5 @@
 // Pixels with short rays: the surface that each shows, and the slots of its rays. METHOD 11. The including shader has
-// lib/hit.glsl. Uses bindings 13 to 15, 17 to 23 and 35, with GLOSSY 24 and 25, and with SKY 28; constants 4 to 7.
+// lib/hit.glsl. Uses bindings 13 to 15, 17 to 23 and 35, with GLOSSY 24 and 25, and with SKY 28; constants 4 to 8.
 #ifndef NEAR_RAYS_GLSL
 #define NEAR_RAYS_GLSL
 #include "lib/triangle.glsl"
@@ -15,6 +15,7 @@ layout(constant_id = 4) const uint RAYS = 8; // per pixel about its normal
 layout(constant_id = 5) const uint REFERENCES = 8;
 layout(constant_id = 6) const uint BY_CELLS = 0; // 1: references are stored per cell
 layout(constant_id = 7) const uint ENDLESS = 0; // 1: all rays go on to the first surface, whatever caches know
+layout(constant_id = 8) const uint GUIDED = 2; // per pixel that follow the light of caches
 layout(push_constant, scalar) uniform Push { NearRaysPush push; };
 layout(binding = 13) uniform usampler2D element_image;
 layout(binding = 14, scalar) readonly buffer Draws { DrawRecord draws[]; };
@@ -37,13 +38,6 @@ const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 // Caches disagree on a direction if one of them finds, in it and around it, less than this share of the greatest luminance
 // that one finds in it.
 const float AGREE = 0.3;
-
-// Guided rays per pixel: their directions are those that caches receive most light from.
-#ifdef SKY
-const uint GUIDED = (RAYS + 1u) / 2u; // some follow the sky
-#else
-const uint GUIDED = (RAYS + 3u) / 4u;
-#endif
 
 // Pixels of a square that has all directions.
 const uint ALL = NEAR_SIDE * NEAR_SIDE;

@@ -1,4 +1,5 @@
-//! Stage 6, after the gather: computes the radiance that reaches each cache from a set of directions. METHOD 11.
+//! Stage 6, after the gather: computes the radiance that reaches each cache from a set of directions, and lists where
+//! most of it comes from. METHOD 11.
 //!
 //! A proxy describes this light by a single position. Short rays block some directions and leave others open, so they
 //! need the light along each direction.

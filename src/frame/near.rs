@@ -37,6 +37,8 @@ pub struct NearRays {
     counts: Buffer,
     /// Rays that a pixel may have, with those of its lobe.
     slots: u32,
+    /// Rays of a pixel that follow the light of caches.
+    guided: u32,
     near: Near,
     /// Length of the rays \[m\].
     pub reach: f32,
@@ -130,9 +132,10 @@ impl NearRays {
         let by_cells = u32::from(world.references_of_pixels().is_some());
         let (references, lit) = (world.references_each as u32, plan.bounces > 0);
         let endless = u32::from(matches!(near, Near::Endless { .. }));
-        let constants = [stack, levels, texels, holes, per_pixel, references, by_cells, endless];
+        let guided = guided(per_pixel, plan.sky_light);
+        let constants = [stack, levels, texels, holes, per_pixel, references, by_cells, endless, guided];
         let sky = 2 * usize::from(plan.sky_light);
-        let slots = per_pixel + guided(per_pixel, plan.sky_light) + if plan.glossy { LOBE_RAYS } else { 0 };
+        let slots = per_pixel + guided + if plan.glossy { LOBE_RAYS } else { 0 };
         let names = if plan.glossy {
             ["near_filter_glossy.comp", "near_spread_glossy.comp"]
         } else {
@@ -154,6 +157,7 @@ impl NearRays {
             lists: gpu.buffer("near.lists", rays_at_once * 4)?,
             counts: gpu.buffer("near.counts", u64::from(groups_at_once(slots)) * 4)?,
             slots,
+            guided,
             near,
             reach: (PIXEL_REACH * world.spacing()) as f32,
         }))
@@ -237,7 +241,7 @@ impl NearRays {
                     seen_lift: (SEEN_LIFT * world.spacing()) as f32,
                     root: rays.root,
                     rays: self.near.per_pixel(),
-                    guided: self.near.per_pixel() + guided(self.near.per_pixel(), self.sky),
+                    guided: self.near.per_pixel() + self.guided,
                     slots: self.slots,
                     light_count: world.lights().len() as u32,
                     reflects: u32::from(self.reflects),
