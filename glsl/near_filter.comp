@@ -15,6 +15,8 @@ layout(binding = 2, scalar) writeonly buffer NearLights { NearLight near_lights[
 const int HALF = int(NEAR_SIDE) / 2;
 const int WINDOW = 2 * HALF + 1;
 
+const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
+
 NearPixel near_pixel(ivec2 at) {
     int index = at.y * int(push.width) + at.x;
     if (AS_TEXELS == 0u) {
@@ -53,8 +55,8 @@ void main() {
     }
     uint index = uint(at.y) * push.width + uint(at.x);
     NearPixel own = near_pixel(at);
-    NearLight sum = NearLight(vec3(0.0), own.geometric, vec3(0.0), 0.0, vec3(0.0), 0.0, own.position, 0.0, own.normal, 0.0,
-                              vec3(0.0), vec3(0.0), 0.0, 0.0);
+    NearLight sum = NearLight(vec3(0.0), own.geometric, vec3(0.0), 0.0, vec3(0.0), 0.0, own.position, 0.0,
+                              octahedral_encode(own.normal), 0.0, 0.0, vec3(0.0), vec3(0.0), 0.0, 0.0);
     if (own.geometric == 0.0) {
         near_lights[index] = sum;
         return;
@@ -84,6 +86,8 @@ void main() {
         sum.irradiance += weight * p.irradiance;
         sum.crowding += weight * p.crowding;
         far += weight * p.far;
+        float light = min(dot(p.irradiance + p.far, LUMINANCE), 1e18);
+        sum.light_squared += weight * light * light;
         all += weight * p.all;
         open += weight * p.open;
         open_sky += weight * p.open_sky;
@@ -97,7 +101,8 @@ void main() {
     }
     sum.irradiance /= weights;
     sum.crowding /= weights;
-    sum.light = dot(sum.irradiance + far / weights, vec3(0.2126, 0.7152, 0.0722));
+    sum.light = dot(sum.irradiance + far / weights, LUMINANCE);
+    sum.light_squared /= weights;
     // If the nearest caches have no light, assume that light comes equally from all directions.
     sum.open = mix(vec3(open / weights), far / max(all, 1e-37), greaterThan(all, vec3(0.0)));
     sum.open_sky = mix(vec3(open / weights), open_sky / max(all_sky, 1e-37), greaterThan(all_sky, vec3(0.0)));

@@ -13,6 +13,17 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { NearSpreadPush push; };
 layout(binding = 2, scalar) writeonly buffer To { NearLight to[]; };
 
+// Facing of a pixel's surface.
+Facing facing_of_light(NearLight p) {
+    return facing_of(octahedral_decode(p.normal), p.geometric);
+}
+
+// Variance of a pixel's light from too few rays [lx^2]. Its light is a mean of about as many pixels as the last pass and the
+// filter combined.
+float variance(NearLight p) {
+    return max(p.light_squared - p.light * p.light, 0.0) / float(NEAR_SIDE * NEAR_SIDE + push.step * push.step);
+}
+
 void main() {
     ivec2 at = ivec2(gl_GlobalInvocationID.xy);
     if (at.x >= int(push.width) || at.y >= int(push.height)) {
@@ -22,7 +33,8 @@ void main() {
     NearLight own = near_light(index);
     NearLight sum = own;
     if (own.geometric != 0.0) {
-        Facing own_facing = facing_of(own.normal, own.geometric);
+        Facing own_facing = facing_of_light(own);
+        float own_variance = variance(own);
         float weights = 1.0;
         float sky_weights = 1.0;
 #ifdef GLOSSY
@@ -41,7 +53,7 @@ void main() {
             vec3 d = own.position - p.position;
             float crowding = max(own.crowding, p.crowding);
             float share = (offset.x == 0 ? 1.0 : 0.5) * (offset.y == 0 ? 1.0 : 0.5);
-            share *= near_alike(d, own_facing, facing_of(p.normal, p.geometric));
+            share *= near_alike(d, own_facing, facing_of_light(p));
 #ifdef GLOSSY
             float width = min(own.width, p.width);
             vec3 turned = own.mirrored - p.mirrored;
@@ -57,10 +69,12 @@ void main() {
             sky_weights += sky_share;
             sum.open_sky += sky_share * p.open_sky;
             share *= exp(-NEAR_SPREAD * dot(d, d) * crowding * crowding);
-            // Little is spread between bright and dark, as around the edge of an arch.
+            // Little is spread between bright and dark, as around the edge of an arch, if the difference is not noise.
             float stops = log2((own.light + 1e-20) / (p.light + 1e-20));
-            share *= exp(-stops * stops);
+            float squared = min((own.light - p.light) * (own.light - p.light), 1e37);
+            share *= exp(-stops * stops * squared / (squared + 4.0 * (own_variance + variance(p)) + 1e-37));
             sum.light += share * p.light;
+            sum.light_squared += share * p.light_squared;
             weights += share;
             sum.irradiance += share * p.irradiance;
             sum.open += share * p.open;
@@ -68,6 +82,7 @@ void main() {
         sum.irradiance /= weights;
         sum.open /= weights;
         sum.light /= weights;
+        sum.light_squared /= weights;
         sum.open_sky /= sky_weights;
 #ifdef GLOSSY
         sum.glossy /= lobe_weights;

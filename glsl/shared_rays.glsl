@@ -155,8 +155,9 @@ struct NearLight {
     float width; // of the lobe [rad]; 0: no lobe
     vec3 position; // of the surface
     float nearness; // mean reciprocal length of the lobe's rays [1/m]
-    vec3 normal; // unit vertex normal
+    vec2 normal; // unit vertex normal, as of octahedral_encode
     float crowding; // as in NearPixel
+    float light_squared; // mean square of single pixels' light [lx^2]
     vec3 mirrored; // unit axis of the lobe
     vec3 open_sky; // share of the sky's light along the rays that reach it
     float sky_crowding; // mean reciprocal distance of what hides the sky [1/m]

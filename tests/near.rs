@@ -159,7 +159,7 @@ fn neighbours_share_their_rays() {
     let taken = |index: usize| {
         let own = pixels[index];
         let (mut sum, mut weights, mut far, mut all) = (DVec3::ZERO, 0.0, DVec3::ZERO, DVec3::ZERO);
-        let (mut crowding, mut open) = (0.0, 0.0);
+        let [mut crowding, mut open, mut squared] = [0.0; 3];
         let [mut open_sky, mut all_sky] = [DVec3::ZERO; 2];
         let mut hidden_sky = DVec2::ZERO;
         for (i, j) in (-2..=2_isize).flat_map(|j| (-2..=2_isize).map(move |i| (i, j))) {
@@ -170,6 +170,7 @@ fn neighbours_share_their_rays() {
             let w = weight(i) * weight(j) * reference::alike(d, normals_of(&own), normals_of(&p));
             sum += w * { p.irradiance }.as_dvec3();
             far += w * { p.far }.as_dvec3();
+            squared += w * luminance(({ p.irradiance } + { p.far }).as_dvec3()).powi(2);
             all += w * { p.all }.as_dvec3();
             crowding += w * f64::from(p.crowding);
             open_sky += w * { p.open_sky }.as_dvec3();
@@ -186,6 +187,7 @@ fn neighbours_share_their_rays() {
             sky_crowding: hidden_sky.y / hidden_sky.x.max(1e-37),
             crowding: crowding / weights,
             light: luminance((sum + far) / weights),
+            light_squared: squared / weights,
             position: { own.position }.as_dvec3(),
             normals: normals_of(&own),
         })
@@ -195,7 +197,9 @@ fn neighbours_share_their_rays() {
         |found: Vec<_>| [2, 5, 13, 32].iter().fold(found, |found, step| reference::spread(&found, size, *step));
     let spread = spread_of(once.clone());
     // As if no pixel were darker than its neighbours.
-    let even = |found: &Option<reference::Found>| found.map(|found| reference::Found { light: 1.0, ..found });
+    let even = |found: &Option<reference::Found>| {
+        found.map(|found| reference::Found { light: 1.0, light_squared: 1.0, ..found })
+    };
     let everywhere = spread_of(once.iter().map(even).collect());
     let (mut most, mut moved, mut stopped, mut apart, mut shown) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64, 0);
     for (i, (wanted, light)) in spread.iter().zip(&lights).enumerate() {
@@ -288,10 +292,14 @@ fn lobes_are_spread_over_what_mirrors_the_same() {
     // Input and output of the last spreading pass.
     let [before, after] = [&found.halfway, &found.lights].map(|lights| gpu.read::<NearLight>(lights).expect("read"));
     let lobe = |light: &NearLight| {
+        let place = { light.normal }.as_dvec2();
         (light.width > 0.0).then(|| reference::FoundLobe {
             taken: { light.glossy }.as_dvec3(),
             position: { light.position }.as_dvec3(),
-            normals: [{ light.normal }.as_dvec3(), reference::decoded_normal(light.geometric)],
+            normals: [
+                reference::on_octahedron(place.x, place.y).normalize(),
+                reference::decoded_normal(light.geometric),
+            ],
             mirrored: { light.mirrored }.as_dvec3(),
             width: light.width.into(),
             nearness: light.nearness.into(),

@@ -20,7 +20,7 @@ NearLight near_light(uint at) {
     vec4 e = texelFetch(near_light_texels, first + 4);
     vec4 f = texelFetch(near_light_texels, first + 5);
     vec4 g = texelFetch(near_light_texels, first + 6);
-    return NearLight(a.xyz, a.w, b.xyz, b.w, c.xyz, c.w, d.xyz, d.w, e.xyz, e.w, f.xyz, vec3(f.w, g.xy),
+    return NearLight(a.xyz, a.w, b.xyz, b.w, c.xyz, c.w, d.xyz, d.w, e.xy, e.z, e.w, f.xyz, vec3(f.w, g.xy),
                      g.z, g.w);
 }
 

@@ -131,8 +131,8 @@ pub fn reflected_direct(world: &World<'_>, surface: &Surface, looking: DVec3) ->
     world.scene().lights.iter().map(given).sum()
 }
 
-/// Direction at a place of the octahedron, unfolded into the square from -1 to 1.
-fn on_octahedron(x: f64, y: f64) -> DVec3 {
+/// Direction, not of unit length, at a place of the octahedron, unfolded into the square from -1 to 1.
+pub fn on_octahedron(x: f64, y: f64) -> DVec3 {
     let z = 1.0 - x.abs() - y.abs();
     let folded = |a: f64, b: f64| if z < 0.0 { (1.0 - b.abs()).copysign(a) } else { a };
     DVec3::new(folded(x, y), folded(y, x), z)
@@ -313,6 +313,8 @@ pub struct Found {
     pub crowding: f64,
     /// Luminance of the irradiance from the surfaces hit and of the caches' light along the other rays \[lx\].
     pub light: f64,
+    /// Mean square of single pixels' light \[lx^2\].
+    pub light_squared: f64,
     /// Position of the surface.
     pub position: DVec3,
     /// Unit normals of the vertices and of the triangle.
@@ -343,9 +345,13 @@ pub fn alike(d: DVec3, [vertex, geometric]: [DVec3; 2], [other_vertex, other_geo
 /// Spreads results once over pixels this many steps apart; `None` if a pixel shows no surface. Twin of
 /// `glsl/near_spread.comp`.
 pub fn spread(found: &[Option<Found>], [width, height]: [usize; 2], step: usize) -> Vec<Option<Found>> {
+    // The filter has combined a square of pixels, and passes of smaller steps about as many as this one's step squared.
+    let pixels = (NEAR_SIDE as usize).pow(2) + step.pow(2);
+    let variance = |p: &Found| (p.light_squared - p.light.powi(2)).max(0.0) / pixels as f64;
     let of_pixel = |index: usize| {
         let own = found[index]?;
-        let (mut irradiance, mut open, mut light, mut weights) = (DVec3::ZERO, DVec3::ZERO, 0.0, 0.0);
+        let (mut irradiance, mut open, mut weights) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+        let [mut light, mut light_squared] = [0.0; 2];
         let (mut open_sky, mut sky_weights) = (DVec3::ZERO, 0.0);
         for (dx, dy) in (-1..=1_isize).flat_map(|dy| (-1..=1_isize).map(move |dx| (dx, dy))) {
             let x = (index % width).checked_add_signed(dx * step as isize).filter(|x| *x < width);
@@ -357,8 +363,12 @@ pub fn spread(found: &[Option<Found>], [width, height]: [usize; 2], step: usize)
                 if (dx, dy) == (0, 0) { 1.0 } else { near * (-(5.0 * d.length() * crowding).powi(2)).exp() }
             };
             let stops = ((own.light + 1e-20) / (p.light + 1e-20)).log2();
-            let by_light = weight(own.crowding.max(p.crowding)) * (-stops * stops).exp();
+            // A difference of two standard deviations counts half.
+            let (apart, noise) = ((own.light - p.light).powi(2), variance(&own) + variance(&p));
+            let certain = if apart > 0.0 { apart / (apart + 4.0 * noise) } else { 0.0 };
+            let by_light = weight(own.crowding.max(p.crowding)) * (-stops * stops * certain).exp();
             light += by_light * p.light;
+            light_squared += by_light * p.light_squared;
             irradiance += by_light * p.irradiance;
             open += by_light * p.open;
             weights += by_light;
@@ -367,7 +377,8 @@ pub fn spread(found: &[Option<Found>], [width, height]: [usize; 2], step: usize)
             sky_weights += by_sky;
         }
         let [irradiance, open] = [irradiance, open].map(|sum| sum / weights);
-        Some(Found { irradiance, open, open_sky: open_sky / sky_weights, light: light / weights, ..own })
+        let [light, light_squared] = [light, light_squared].map(|sum| sum / weights);
+        Some(Found { irradiance, open, open_sky: open_sky / sky_weights, light, light_squared, ..own })
     };
     (0..found.len()).map(of_pixel).collect()
 }
