@@ -63,7 +63,8 @@ void main() {
             // Some of the lobe's directions. Neighbouring pixels have the others.
             uint number = (i - RAYS - GUIDED) * ALL + subset;
             // Each block turns the directions of a metal: the same ones everywhere would make whole walls too bright or dark.
-            float turn = l.rays > 1u ? 2.0 * PI * fract(dot(vec2(at / NEAR_SIDE), vec2(0.7548776662, 0.5698402910))) : 0.0;
+            float turn = push.turn;
+            turn += l.rays > 1u ? 2.0 * PI * fract(dot(vec2(at / NEAR_SIDE), vec2(0.7548776662, 0.5698402910))) : 0.0;
             direction = lobe_direction(l.lobe, vec2((float(number) + 0.5) / float(l.rays * ALL), float(number) * 2.39996323 + turn));
             bool endless = l.narrow > 0.0;
             spread = (endless ? -0.25 : 0.25) * l.width * sqrt(1.0 / float(l.rays));

@@ -180,11 +180,12 @@ FarLight far_light(uvec3 at, vec3 w, vec3 direction) {
 
 // Direction of a guided ray, by the caches `at` with weights `w`; zero if the chosen cache has no light. The rays of a
 // square of pixels are spread evenly over a cache's parts. `square`: its column and row. Each square has its own directions:
-// with the same ones everywhere, some light would never be found.
+// with the same ones everywhere, some light would never be found. The same holds for each view of a reference.
 vec3 guided_direction(uvec3 at, vec3 w, uint i, uint subset, uvec2 square) {
     const vec4 STEP = vec4(0.8566748838, 0.7338918566, 0.6287067210, 0.5385968675);
     uint number = i * ALL + subset;
-    vec4 chance = fract(0.5 + float(number) * STEP + float(square.x) * STEP.wxyz + float(square.y) * STEP.zwxy);
+    vec4 chance = 0.5 + float(number) * STEP + float(square.x) * STEP.wxyz + float(square.y) * STEP.zwxy;
+    chance = fract(chance + push.turn / (2.0 * PI) * vec4(1.0, 7.0, 19.0, 43.0));
     uint cache = chance.x < w.x ? at.x : chance.x < w.x + w.y ? at.y : at.z;
     uint part = min(uint((float(number) + chance.y) * (float(GUIDES) / float(GUIDED * ALL))), GUIDES - 1u);
     if (cache == NO_REFERENCES) {

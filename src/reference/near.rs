@@ -201,7 +201,7 @@ impl FarLight<'_> {
 
     /// Rays of a point with the two unit `normals` of its triangle and its vertices: `each` about the vertex normal, and
     /// `guided` ones. `x` and `y` are the column and row of its pixel. Rays about the normal are turned about
-    /// it by `turn` \[rad\]. `caches` about the point have these weights, which sum to 1, the greatest first. If `reach`
+    /// it by `turn` \[rad\], and guided ones go elsewhere by it. `caches` about the point have these weights, which sum to 1, the greatest first. If `reach`
     /// \[m\] is infinite, the caches' light counts for nothing.
     pub fn rays(
         &self,
@@ -223,7 +223,8 @@ impl FarLight<'_> {
             let step = [0.8566748838, 0.7338918566, 0.6287067210, 0.5385968675];
             let chance = |k: usize| {
                 let [x, y] = square.map(f64::from);
-                (0.5 + f64::from(number) * step[k] + x * step[(k + 3) % 4] + y * step[(k + 2) % 4]).fract()
+                let of_view = turn / (2.0 * PI) * [1.0, 7.0, 19.0, 43.0][k];
+                (0.5 + f64::from(number) * step[k] + x * step[(k + 3) % 4] + y * step[(k + 2) % 4] + of_view).fract()
             };
             let mut sum = 0.0;
             let upto = |share: f64| {
