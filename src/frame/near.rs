@@ -6,7 +6,7 @@
 
 use super::gbuffer::Surface;
 use super::plan::Plan;
-use super::settings::Near;
+use super::settings::{Antialiasing, Near};
 use super::view::View;
 use super::world::World;
 use crate::error::{Error, Result};
@@ -40,6 +40,8 @@ pub struct NearRays {
     /// Rays of a pixel that follow the light of caches.
     guided: u32,
     near: Near,
+    /// Step sizes of the spreading passes \[traced pixels\]. Their number is even.
+    spreads: &'static [u32],
     /// Length of the rays \[m\].
     pub reach: f32,
 }
@@ -67,7 +69,7 @@ pub const PIXEL_REACH: f64 = 1.0;
 /// Distance from their surfaces of both ends of a ray between a hit and a cache \[cache spacings\].
 pub const SEEN_LIFT: f64 = 0.01;
 
-/// Step sizes of the spreading passes \[traced pixels\]. Their number must be even. A step of 2 removes
+/// Step sizes of the spreading passes of a single picture \[traced pixels\]. Their number must be even. A step of 2 removes
 /// the pattern of squares that share directions, which repeats every 4; an odd step removes what repeats every 2.
 const SPREADS: [u32; 4] = [2, 5, 13, 32];
 
@@ -159,6 +161,8 @@ impl NearRays {
             slots,
             guided,
             near,
+            // The mean of many pictures, each with other rays, needs no spreading.
+            spreads: if plan.antialiasing == Antialiasing::Supersampled { &[] } else { &SPREADS },
             reach: (PIXEL_REACH * world.spacing()) as f32,
         }))
     }
@@ -262,13 +266,13 @@ impl NearRays {
             cmd.push(&NearFilterPush { width, height });
             cmd.dispatch(width, height, 1);
         }
-        for (i, step) in SPREADS.into_iter().enumerate() {
+        for (i, step) in self.spreads.iter().enumerate() {
             cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
             for (_, _, NearPixels { lights, halfway, size: [width, height], .. }) in views.clone() {
                 let (width, height) = (*width, *height);
                 let [from, to] = if i % 2 == 0 { [lights, halfway] } else { [halfway, lights] };
                 cmd.bind(&self.spread, &[from.into(), Bind::SomeTexels(from), to.into()]);
-                cmd.push(&NearSpreadPush { width, height, step });
+                cmd.push(&NearSpreadPush { width, height, step: *step });
                 cmd.dispatch(width, height, 1);
             }
         }
