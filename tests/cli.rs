@@ -351,7 +351,7 @@ fn wrong_usage_is_exit_code_2() {
     fails(&at, &["render", "--spacing", "-1"], 2, &["above zero"]);
     fails(&at, &["render", "--spacing", "1", "--caches", "5"], 2, &["cannot be used with"]);
     fails(&at, &["render", "--angle", "200"], 2, &["degrees"]);
-    fails(&at, &["lab"], 2, &["choices", "flicker", "hard-cases", "sources"]);
+    fails(&at, &["lab"], 2, &["flicker", "hard-cases", "shadows", "sources"]);
     fails(&at, &["lab", "flicker", "--cluster", "4", "--cluster-error", "0.1"], 2, &["cannot be used with"]);
     fails(&at, &["lab", "sheet", ".", "--", "--seed", "3"], 2, &["--seed", "leave it out"]);
     fails(&at, &["view", "--aa", "64"], 2, &["--aa 64", "--aa 8"]);

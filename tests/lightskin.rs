@@ -24,7 +24,6 @@ mod bodies;
 mod bounce;
 mod bounded;
 mod brdf;
-mod choices;
 mod cli;
 mod cluster;
 mod coat;

@@ -14,7 +14,7 @@ pub(super) struct Assets {
     /// Also write the showpiece, the default scene of `render`, as showpiece.glb and showpiece_sky.exr (for --sky).
     #[arg(long)]
     showpiece: bool,
-    /// Also write the scenes that `lab choices --shadows` measures.
+    /// Also write the scenes that `lab shadows` measures.
     #[cfg(feature = "lab")]
     #[arg(long)]
     shadowed: bool,

@@ -2,7 +2,6 @@
 //! scenes.
 
 pub mod bench;
-pub mod choices;
 pub mod codegen;
 pub mod eval;
 pub mod flicker;

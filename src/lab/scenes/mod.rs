@@ -1,6 +1,5 @@
 //! Generated scenes for measurements only, built with [`crate::scene::build`].
 
-mod between;
 mod coats;
 mod measured;
 mod moving;
@@ -8,7 +7,6 @@ mod shadowed;
 mod spheres;
 mod valley;
 
-pub use between::between_walls;
 pub use coats::coats;
 pub use measured::measured;
 pub use moving::{crowd, moving};

@@ -1,14 +1,14 @@
-//! `lightskin lab choices`: the tables by which the defaults were chosen.
+//! `lightskin lab shadows`: shadows of indirect light beside the path tracer's.
 
 use anyhow::{Context, Result};
-use lightskin::lab::choices::{Row, Study, StudySettings, Worst};
 use lightskin::lab::{scenes, shadows};
 use lightskin::scene::{Scene, build};
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
-pub(super) struct Choices {
-    /// glTF or GLB file, or a folder that contains one [default: a built-in body between two walls].
+pub(super) struct ShadowsArgs {
+    /// glTF or GLB file, or a folder that contains one [default: the atrium and five built-in scenes whose indirect light is
+    /// mostly shadowed].
     scene: Option<PathBuf>,
     #[command(flatten)]
     caches: crate::cli::CacheArgs,
@@ -18,38 +18,15 @@ pub(super) struct Choices {
     /// Picture size [pixels].
     #[arg(long, value_name = "WxH", default_value = "256x144", value_parser = crate::cli::render::size)]
     size: [u32; 2],
-    /// Replace the exponent of every exact Phong lobe [default: unchanged].
-    #[arg(long, value_name = "K", value_parser = crate::cli::positive)]
-    exponent: Option<f64>,
-    /// Compare the shadows of indirect light with one bounce of the path tracer.
-    ///
-    /// Uses SCENE, or the atrium and five built-in scenes whose indirect light is mostly shadowed.
-    #[arg(long)]
-    shadows: bool,
-    /// Samples per pixel of the path tracer with --shadows. They are stored; a later run with a larger N uses them again.
+    /// Samples per pixel of the path tracer. They are stored; a later run with a larger N uses them again.
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=1_000_000))]
     spp: u32,
     #[command(flatten)]
     device: crate::cli::DeviceArgs,
 }
 
-pub(super) fn run(args: &Choices) -> Result<()> {
-    if args.shadows {
-        return shadows(args);
-    }
-    let mut scene = match &args.scene {
-        Some(path) => crate::cli::divided(crate::cli::load_punctual(Some(path))?, &args.caches),
-        None => scenes::between_walls(0.05),
-    };
-    if let Some(k) = args.exponent {
-        scene.materials.iter_mut().filter_map(|m| m.phong.as_mut()).for_each(|phong| phong.exponent = k as f32);
-    }
-    let settings = StudySettings { size: args.size, caches: args.caches.count(), rsm: args.rsm as usize };
-    tables(&scene, &settings)
-}
-
 /// Prints the error of each kind of indirect shadows against the path tracer.
-fn shadows(args: &Choices) -> Result<()> {
+pub(super) fn run(args: &ShadowsArgs) -> Result<()> {
     let mut scenes = shadowed_scenes(args)?;
     if args.scene.is_none() {
         scenes.push(build::atrium());
@@ -112,46 +89,9 @@ fn shadows(args: &Choices) -> Result<()> {
 }
 
 /// The given scene, or the five built-in scenes whose indirect light is mostly shadowed.
-fn shadowed_scenes(args: &Choices) -> Result<Vec<Scene>> {
+fn shadowed_scenes(args: &ShadowsArgs) -> Result<Vec<Scene>> {
     Ok(match &args.scene {
         Some(path) => vec![crate::cli::load_punctual(Some(path))?],
         None => scenes::Shadowed::ALL.iter().map(|which| which.scene()).collect(),
     })
-}
-
-/// Prints all tables of a scene.
-pub(super) fn tables(scene: &Scene, settings: &StudySettings) -> Result<()> {
-    let camera = crate::cli::camera::camera(scene, None)?;
-    let study = Study::new(scene, &camera, *settings)?;
-    let [caches, vals] = study.counts();
-    let [w, h] = settings.size;
-    say!("{}: {caches} caches, {vals} VALs, {w} x {h} pixels", scene.name);
-    let lobes: &[(&str, bool)] =
-        if study.is_glossy() { &[("diffuse", false), ("glossy", true)] } else { &[("diffuse", false)] };
-    for &(lobe, is_glossy) in lobes {
-        print(&format!("{lobe}: against brute force"), &if is_glossy { study.glossy() } else { study.diffuse() });
-        print(&format!("{lobe}: references"), &study.references(is_glossy));
-        let Worst { share, near_val, too_bright, radiance: [found, brute_force, paths] } = study.worst(is_glossy);
-        say!(
-            "{lobe}: the worst 1 % of pixels hold {:.1} % of the squared error; {:.0} % are within a VAL's side of one, {:.0} % too bright",
-            100.0 * share,
-            100.0 * near_val,
-            100.0 * too_bright
-        );
-        say!("  there interpolated {found:.4} cd/m^2, by brute force {brute_force:.4}, by light paths {paths:.4}");
-    }
-    let (areas, noise) = study.areas();
-    say!("light paths have a noise of {:.1} %", 100.0 * noise);
-    for (&(lobe, _), rows) in lobes.iter().zip(&areas) {
-        print(&format!("{lobe}: area of VALs, against light paths"), rows);
-    }
-    Ok(())
-}
-
-fn print(title: &str, rows: &[Row]) {
-    say!("{title:<48}{:>9}{:>11}{:>11}{:>9}{:>9}", "MARE", "relMSE", "w/o 1 %", "bias", "w/o 1 %");
-    for Row { name, metrics: m, trimmed_bias } in rows {
-        let (bias, trimmed) = (100.0 * m.bias, 100.0 * trimmed_bias);
-        say!("  {name:<46}{:>9.4}{:>11.4}{:>11.5}{bias:>+8.1}%{trimmed:>+8.1}%", m.mare, m.relmse, m.relmse_trimmed);
-    }
 }
