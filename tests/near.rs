@@ -20,7 +20,7 @@ use lightskin::shared::{
     Cache, DEPTH_IMAGE_SIDE, DEPTH_IMAGE_TEXELS, DIRECTIONS, GUIDE_WORDS, GUIDES, NearLight, NearPixel, Val,
 };
 
-use crate::common::frames::{add, baked, drawn_of, phong, planes, shoot, small};
+use crate::common::frames::{add, baked, drawn_of, drawn_turned, phong, planes, shoot, small};
 use crate::common::{assert_clean, gpu, rounding};
 
 const RAYS: Near = Near::Rays { per_pixel: 8, every: 2 };
@@ -223,6 +223,16 @@ fn neighbours_share_their_rays() {
         shown > 1000 && most < 3e-3 && moved > 0.05 && stopped > 0.02,
         "{shown} pixels: differ by {most} from the twin, changed by {moved}, {stopped}"
     );
+    // Pictures of which the caller takes the mean are filtered, not spread.
+    let frame = drawn_of(&gpu, &scene, &world, &Knobs { antialiasing: Antialiasing::Supersampled, ..knobs });
+    let lights: Vec<NearLight> = gpu.read(&frame.picture.near.as_ref().expect("rays").lights).expect("read");
+    let off = |(wanted, light): (&Option<reference::Found>, &NearLight)| {
+        let wanted = wanted.as_ref()?.irradiance;
+        Some(({ light.irradiance }.as_dvec3() - wanted).length() / (wanted.length() + 1e-6))
+    };
+    let off = once.iter().zip(&lights).filter_map(off).fold(0.0, f64::max);
+    println!("one of many pictures: largest difference from what the filter gives {off:.1e}");
+    assert!(off < 1e-4, "{off}");
     // The sky comes from the box's open side, other far light from everywhere else.
     assert!(apart > 0.2, "shares of the sky and of other light differ by {apart} at most");
     assert_clean(&gpu);
@@ -380,6 +390,23 @@ fn the_nearest_hits_do_not_keep_lobes_apart() {
     let (most, middle) = (all[all.len() - 1], all[all.len() / 2]);
     println!("{} lobes: nearness {middle:.4} in the middle and at most {most:.4}, by two traced pixels", all.len());
     assert!(all.len() > 1000 && (0.99..1.001).contains(&most) && middle < 0.2, "{most}, {middle}");
+    assert_clean(&gpu);
+}
+
+#[test]
+fn views_of_a_reference_have_their_own_rays_of_lobes() {
+    let gpu = gpu();
+    let scene = cornell(CornellSurface::Glossy, 0.1);
+    let world = World::new(&gpu, &scene, Some(&baked(&scene, 0.4, 8))).expect("uploaded");
+    // Only rays of lobes count for the nearness.
+    let [plain, again, turned] = [0.0, 0.0, 2.0].map(|turn| {
+        let frame = drawn_turned(&gpu, &scene, &world, &near([96, 64]), turn);
+        let pixels: Vec<NearPixel> = gpu.read(&frame.picture.near.as_ref().expect("rays").pixels).expect("read");
+        pixels.iter().filter(|p| p.width > 0.0).map(|p| p.nearness).collect::<Vec<_>>()
+    });
+    let moved = plain.iter().zip(&turned).filter(|(a, b)| a != b).count();
+    println!("{moved} of {} lobes have other rays", plain.len());
+    assert!(plain == again && plain.len() > 500 && 2 * moved > plain.len(), "{moved} of {}", plain.len());
     assert_clean(&gpu);
 }
 

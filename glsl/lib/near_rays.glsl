@@ -185,6 +185,7 @@ vec3 guided_direction(uvec3 at, vec3 w, uint i, uint subset, uvec2 square) {
     const vec4 STEP = vec4(0.8566748838, 0.7338918566, 0.6287067210, 0.5385968675);
     uint number = i * ALL + subset;
     vec4 chance = 0.5 + float(number) * STEP + float(square.x) * STEP.wxyz + float(square.y) * STEP.zwxy;
+    // Different multiples: with equal ones, all views would lie on one diagonal.
     chance = fract(chance + push.turn / (2.0 * PI) * vec4(1.0, 7.0, 19.0, 43.0));
     uint cache = chance.x < w.x ? at.x : chance.x < w.x + w.y ? at.y : at.z;
     uint part = min(uint((float(number) + chance.y) * (float(GUIDES) / float(GUIDED * ALL))), GUIDES - 1u);

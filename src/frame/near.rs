@@ -23,7 +23,8 @@ pub struct NearRays {
     shade: Pipeline,
     sum: Pipeline,
     filter: Pipeline,
-    spread: Pipeline,
+    /// Only for single pictures: the mean of many, each with other rays, needs no spreading.
+    spread: Option<Pipeline>,
     /// Whether the surfaces at hits reflect the lights.
     reflects: bool,
     /// Whether open rays see a sky.
@@ -40,8 +41,6 @@ pub struct NearRays {
     /// Rays of a pixel that follow the light of caches.
     guided: u32,
     near: Near,
-    /// Step sizes of the spreading passes \[traced pixels\]. Their number is even.
-    spreads: &'static [u32],
     /// Length of the rays \[m\].
     pub reach: f32,
 }
@@ -69,7 +68,7 @@ pub const PIXEL_REACH: f64 = 1.0;
 /// Distance from their surfaces of both ends of a ray between a hit and a cache \[cache spacings\].
 pub const SEEN_LIFT: f64 = 0.01;
 
-/// Step sizes of the spreading passes of a single picture \[traced pixels\]. Their number must be even. A step of 2 removes
+/// Step sizes of the spreading passes \[traced pixels\]. Their number must be even. A step of 2 removes
 /// the pattern of squares that share directions, which repeats every 4; an odd step removes what repeats every 2.
 const SPREADS: [u32; 4] = [2, 5, 13, 32];
 
@@ -144,6 +143,7 @@ impl NearRays {
             ["near_filter.comp", "near_spread.comp"]
         };
         let rays_at_once = u64::from(groups_at_once(slots) * GROUP * slots);
+        let single = plan.antialiasing != Antialiasing::Supersampled;
         let of_hits = [stack, levels, texels, holes, references, by_cells];
         let of_hits = &of_hits[..if lit || plan.sky_light { 6 } else { 4 }];
         Ok(Some(Self {
@@ -151,7 +151,7 @@ impl NearRays {
             shade: gpu.compute(SHADE[usize::from(lit) + sky], of_hits)?,
             sum: gpu.compute(SUM[usize::from(plan.glossy) + sky], &constants)?,
             filter: gpu.compute(names[0], &[as_texels(gpu)])?,
-            spread: gpu.compute(names[1], &[as_texels(gpu)])?,
+            spread: single.then(|| gpu.compute(names[1], &[as_texels(gpu)])).transpose()?,
             reflects: plan.reflects || plan.sends_sky,
             sky: plan.sky_light,
             directions: gpu.buffer_from("near.directions", &directions(per_pixel * NEAR_SIDE * NEAR_SIDE))?,
@@ -161,8 +161,6 @@ impl NearRays {
             slots,
             guided,
             near,
-            // The mean of many pictures, each with other rays, needs no spreading.
-            spreads: if plan.antialiasing == Antialiasing::Supersampled { &[] } else { &SPREADS },
             reach: (PIXEL_REACH * world.spacing()) as f32,
         }))
     }
@@ -266,13 +264,14 @@ impl NearRays {
             cmd.push(&NearFilterPush { width, height });
             cmd.dispatch(width, height, 1);
         }
-        for (i, step) in self.spreads.iter().enumerate() {
+        let Some(spread) = &self.spread else { return };
+        for (i, step) in SPREADS.into_iter().enumerate() {
             cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
             for (_, _, NearPixels { lights, halfway, size: [width, height], .. }) in views.clone() {
                 let (width, height) = (*width, *height);
                 let [from, to] = if i % 2 == 0 { [lights, halfway] } else { [halfway, lights] };
-                cmd.bind(&self.spread, &[from.into(), Bind::SomeTexels(from), to.into()]);
-                cmd.push(&NearSpreadPush { width, height, step: *step });
+                cmd.bind(spread, &[from.into(), Bind::SomeTexels(from), to.into()]);
+                cmd.push(&NearSpreadPush { width, height, step });
                 cmd.dispatch(width, height, 1);
             }
         }

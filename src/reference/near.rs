@@ -201,8 +201,8 @@ impl FarLight<'_> {
 
     /// Rays of a point with the two unit `normals` of its triangle and its vertices: `each` about the vertex normal, and
     /// `guided` ones. `x` and `y` are the column and row of its pixel. Rays about the normal are turned about
-    /// it by `turn` \[rad\], and guided ones go elsewhere by it. `caches` about the point have these weights, which sum to 1, the greatest first. If `reach`
-    /// \[m\] is infinite, the caches' light counts for nothing.
+    /// it by `turn` \[rad\], and guided ones go elsewhere by it. `caches` about the point have these weights, which sum to 1,
+    /// the greatest first. If `reach` \[m\] is infinite, the caches' light counts for nothing.
     pub fn rays(
         &self,
         caches: &[(usize, f64)],

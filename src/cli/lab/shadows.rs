@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result};
 use lightskin::lab::{scenes, shadows};
-use lightskin::scene::{Scene, build};
+use lightskin::scene::build;
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -27,10 +27,10 @@ pub(super) struct ShadowsArgs {
 
 /// Prints the error of each kind of indirect shadows against the path tracer.
 pub(super) fn run(args: &ShadowsArgs) -> Result<()> {
-    let mut scenes = shadowed_scenes(args)?;
-    if args.scene.is_none() {
-        scenes.push(build::atrium());
-    }
+    let scenes = match &args.scene {
+        Some(path) => vec![crate::cli::load_punctual(Some(path))?],
+        None => scenes::Shadowed::ALL.iter().map(|which| which.scene()).chain([build::atrium()]).collect(),
+    };
     let settings = shadows::ShadowsSettings {
         size: args.size,
         caches: args.caches.count(),
@@ -86,12 +86,4 @@ pub(super) fn run(args: &ShadowsArgs) -> Result<()> {
         crate::cli::check_messages(&gpu, &compared.problems)?;
     }
     Ok(())
-}
-
-/// The given scene, or the five built-in scenes whose indirect light is mostly shadowed.
-fn shadowed_scenes(args: &ShadowsArgs) -> Result<Vec<Scene>> {
-    Ok(match &args.scene {
-        Some(path) => vec![crate::cli::load_punctual(Some(path))?],
-        None => scenes::Shadowed::ALL.iter().map(|which| which.scene()).collect(),
-    })
 }
