@@ -1,5 +1,6 @@
 // Stage 8, fourth: combines the short rays of neighbouring pixels. Any square of NEAR_SIDE^2 pixels has all directions.
-// The window is that wide with half-weighted borders, so that all directions count equally. METHOD 11.
+// The window is that wide with half-weighted borders, so that all directions count equally. A picture that is the mean
+// of many takes a narrower window: each of its views has other directions. METHOD 11.
 // variant near_filter_glossy.comp: GLOSSY (where a material has a glossy lobe)
 #include "shared.glsl"
 #include "lib/near_alike.glsl"
@@ -7,12 +8,11 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { NearFilterPush push; };
 layout(constant_id = 0) const uint AS_TEXELS = 0; // 1: pixels are read as texels
+layout(constant_id = 1) const int HALF = int(NEAR_SIDE) / 2; // radius of the window [pixels]; the outermost count half
 layout(binding = 0, scalar) readonly buffer NearPixels { NearPixel near_pixels[]; };
 layout(binding = 1) uniform samplerBuffer near_pixel_texels;
 layout(binding = 2, scalar) writeonly buffer NearLights { NearLight near_lights[]; };
 
-// Window radius in pixels; the outermost pixels count half.
-const int HALF = int(NEAR_SIDE) / 2;
 const int WINDOW = 2 * HALF + 1;
 
 const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);

@@ -84,17 +84,19 @@ void light_hit(uint at) {
     HitSurface s = surface_at(hit, ray.start, ray.direction, abs(ray.spread));
     vec3 radiance = s.emission;
     if (push.reflects != 0u) {
-        // The number selects the light. A part of the picture begins at a multiple of ALL workgroups.
+        // The number selects the light. A part of the picture begins at a multiple of ALL workgroups. Each view of a
+        // supersampled picture has other numbers.
         const uint ALL = NEAR_SIDE * NEAR_SIDE;
         uint i = at / gl_WorkGroupSize.x % push.slots;
-        uint number = (i < push.rays ? i : i < push.guided ? i - push.rays : i - push.guided) * ALL + gl_WorkGroupID.x % ALL;
-        vec3 chance = fract(0.5 + float(number) * vec3(0.8191725134, 0.6710436067, 0.5497004779));
+        uint of_pixel = i < push.rays ? i : i < push.guided ? i - push.rays : i - push.guided;
+        float number = float(of_pixel * ALL + gl_WorkGroupID.x % ALL) + 13.0 / TWO_PI * push.turn;
+        vec3 chance = fract(0.5 + number * vec3(0.8191725134, 0.6710436067, 0.5497004779));
         LightRay to_light =
             ray_to_some(s, ray.direction, push.light_count, push.first_sky_light, push.sky_light_count, chance);
 #ifdef SKY
         // Each square of pixels has other directions.
         uint square = at % gl_WorkGroupSize.x;
-        vec2 place = fract(0.5 + float(number) * vec2(0.7548776662, 0.5698402910) + float(square) * vec2(0.3247179572, 0.2451223338));
+        vec2 place = fract(0.5 + number * vec2(0.7548776662, 0.5698402910) + float(square) * vec2(0.3247179572, 0.2451223338));
         // Too few endless rays of lobes are averaged for a single direction. Both rays share the code of a loop.
         uint count = endless ? 1u : 2u;
         [[dont_unroll]] for (uint k = 0u; k < count; ++k) {

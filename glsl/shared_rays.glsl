@@ -206,6 +206,7 @@ struct NearHitsPush {
     uint reflects; // 1: hit surfaces reflect the lights
     uint first_sky_light; // first light that stands for a sky; hit surfaces get that light from caches instead
     uint sky_light_count;
+    float turn; // as in NearRaysPush
 };
 
 // Push constants of the pass that follows rays through bodies of glass.

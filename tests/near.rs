@@ -154,15 +154,15 @@ fn neighbours_share_their_rays() {
     let lights: Vec<NearLight> = gpu.read(&found.lights).expect("read");
     let size = found.size.map(|side| side as usize);
     let [width, height] = size;
-    let weight = |k: isize| if k.abs() == 2 { 0.5 } else { 1.0 };
-    // Combines each pixel's window. Its outermost pixels count half.
-    let taken = |index: usize| {
+    // Combines each pixel's window of this radius. Its outermost pixels count half.
+    let taken = |index: usize, half: isize| {
+        let weight = |k: isize| if k.abs() == half { 0.5 } else { 1.0 };
         let own = pixels[index];
         let (mut sum, mut weights, mut far, mut all) = (DVec3::ZERO, 0.0, DVec3::ZERO, DVec3::ZERO);
         let [mut crowding, mut open, mut squared] = [0.0; 3];
         let [mut open_sky, mut all_sky] = [DVec3::ZERO; 2];
         let mut hidden_sky = DVec2::ZERO;
-        for (i, j) in (-2..=2_isize).flat_map(|j| (-2..=2_isize).map(move |i| (i, j))) {
+        for (i, j) in (-half..=half).flat_map(|j| (-half..=half).map(move |i| (i, j))) {
             let x = (index % width).checked_add_signed(i).filter(|x| *x < width);
             let y = (index / width).checked_add_signed(j).filter(|y| *y < height);
             let Some(p) = x.zip(y).map(|(x, y)| pixels[y * width + x]).filter(|p| p.geometric > 0.0) else { continue };
@@ -192,7 +192,7 @@ fn neighbours_share_their_rays() {
             normals: normals_of(&own),
         })
     };
-    let once: Vec<_> = (0..width * height).map(taken).collect();
+    let once: Vec<_> = (0..width * height).map(|i| taken(i, 2)).collect();
     let spread_of =
         |found: Vec<_>| [2, 5, 13, 32].iter().fold(found, |found, step| reference::spread(&found, size, *step));
     let spread = spread_of(once.clone());
@@ -223,14 +223,14 @@ fn neighbours_share_their_rays() {
         shown > 1000 && most < 3e-3 && moved > 0.05 && stopped > 0.02,
         "{shown} pixels: differ by {most} from the twin, changed by {moved}, {stopped}"
     );
-    // Pictures of which the caller takes the mean are filtered, not spread.
+    // Pictures of which the caller takes the mean are filtered over a narrower window, not spread.
     let frame = drawn_of(&gpu, &scene, &world, &Knobs { antialiasing: Antialiasing::Supersampled, ..knobs });
     let lights: Vec<NearLight> = gpu.read(&frame.picture.near.as_ref().expect("rays").lights).expect("read");
-    let off = |(wanted, light): (&Option<reference::Found>, &NearLight)| {
-        let wanted = wanted.as_ref()?.irradiance;
+    let off = |(i, light): (usize, &NearLight)| {
+        let wanted = taken(i, 1)?.irradiance;
         Some(({ light.irradiance }.as_dvec3() - wanted).length() / (wanted.length() + 1e-6))
     };
-    let off = once.iter().zip(&lights).filter_map(off).fold(0.0, f64::max);
+    let off = lights.iter().enumerate().filter_map(off).fold(0.0, f64::max);
     println!("one of many pictures: largest difference from what the filter gives {off:.1e}");
     assert!(off < 1e-4, "{off}");
     // The sky comes from the box's open side, other far light from everywhere else.
@@ -300,7 +300,8 @@ fn lobes_are_spread_over_what_mirrors_the_same() {
     let frame = drawn_of(&gpu, &scene, &world, &near([96, 64]));
     let found = frame.picture.near.as_ref().expect("rays");
     // Input and output of the last spreading pass.
-    let [before, after] = [&found.halfway, &found.lights].map(|lights| gpu.read::<NearLight>(lights).expect("read"));
+    let halfway = found.halfway.as_ref().expect("spreading");
+    let [before, after] = [halfway, &found.lights].map(|lights| gpu.read::<NearLight>(lights).expect("read"));
     let lobe = |light: &NearLight| {
         let place = { light.normal }.as_dvec2();
         (light.width > 0.0).then(|| reference::FoundLobe {

@@ -10,11 +10,11 @@ use lightskin::reference::gather;
 use lightskin::reference::hit_caches::Around;
 use lightskin::reference::near::{FarLight, reflected_direct};
 use lightskin::reference::world::{Hit, Sides, Surface, World as Placed};
-use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, cornell, cuboid};
+use lightskin::scene::{Light, LightKind, Scene};
 use lightskin::shared::{NEAR_SIDE, NearPixel, Val};
 
-use crate::common::frames::{add, baked, drawn_turned, phong, references_at, shoot, small};
+use crate::common::frames::{add, baked, drawn_turned, lamp, phong, references_at, shoot, small};
 use crate::common::{assert_clean, gpu};
 
 /// Rays about the normal of a pixel.
@@ -225,4 +225,31 @@ fn samples_of_a_pixel_have_their_own_rays() {
     }
     println!("turns of the same directions are {least:.2} apart at least");
     assert!(least > 0.5, "{least}");
+}
+
+/// A hit asks one light, of a red and a blue one at the same place. The mean of many pictures needs both.
+#[test]
+fn views_of_a_reference_ask_other_lights() {
+    let gpu = gpu();
+    let mut scene = cornell(CornellSurface::Diffuse, 0.1);
+    let at = |color: Vec3| Light { color, position: DVec3::new(0.0, 1.6, 0.6), ..lamp(LightKind::Point) };
+    scene.lights = vec![at(Vec3::X), at(Vec3::Z)];
+    let world = World::new(&gpu, &scene, Some(&baked(&scene, 0.4, 8))).expect("uploaded");
+    let knobs = knobs([96, 64], Near::Endless { per_pixel: 1, every: 2 });
+    let views: Vec<Vec<NearPixel>> = (0..8)
+        .map(|turn| {
+            let frame = drawn_turned(&gpu, &scene, &world, &knobs, turn as f32 * 0.7);
+            gpu.read(&frame.picture.near.as_ref().expect("rays").pixels).expect("read")
+        })
+        .collect();
+    let [mut one, mut both] = [0; 2];
+    for pixel in 0..views[0].len() {
+        let lit = |channel: usize| views.iter().filter(|view| { view[pixel].irradiance }[channel] > 0.0).count();
+        let counts = [lit(0), lit(2)];
+        one += usize::from(counts[0] + counts[1] >= 5);
+        both += usize::from(counts[0] + counts[1] >= 5 && counts.into_iter().all(|count| count > 0));
+    }
+    println!("{both} of {one} pixels have light of both lamps");
+    assert!(one > 300 && both * 5 > one * 4, "{both} of {one} pixels");
+    assert_clean(&gpu);
 }

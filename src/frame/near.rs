@@ -51,8 +51,8 @@ pub struct NearPixels {
     pub pixels: Buffer,
     /// Results combined with those of neighbours.
     pub lights: Buffer,
-    /// Second buffer for the spreading passes, which alternate between `lights` and this one.
-    pub halfway: Buffer,
+    /// Second buffer for the spreading passes, if there are any. They alternate between `lights` and this one.
+    pub halfway: Option<Buffer>,
     /// Number of columns and rows of traced pixels.
     pub size: [u32; 2],
     /// Distance in columns and rows between them.
@@ -89,6 +89,9 @@ const SUM: [&str; 4] = ["near.comp", "near_glossy.comp", "near_sky.comp", "near_
 
 /// Shaders by features: surfaces that reflect the light of caches (1), caches that see a sky (2).
 const SHADE: [&str; 4] = ["near_hits.comp", "near_hits_lit.comp", "near_hits_sky.comp", "near_hits_lit_sky.comp"];
+
+/// Radius of the filter's window in pictures that are the mean of many \[traced pixels\].
+const NARROW_FILTER: u32 = 1;
 
 /// Memory for rays \[bytes\]. More parts of a picture would occupy a GPU less.
 const RAYS_BYTES: u32 = 64 << 20;
@@ -150,7 +153,7 @@ impl NearRays {
             trace: gpu.compute(TRACE[usize::from(plan.glossy) + sky], &constants)?,
             shade: gpu.compute(SHADE[usize::from(lit) + sky], of_hits)?,
             sum: gpu.compute(SUM[usize::from(plan.glossy) + sky], &constants)?,
-            filter: gpu.compute(names[0], &[as_texels(gpu)])?,
+            filter: gpu.compute(names[0], &[as_texels(gpu), if single { NEAR_SIDE / 2 } else { NARROW_FILTER }])?,
             spread: single.then(|| gpu.compute(names[1], &[as_texels(gpu)])).transpose()?,
             reflects: plan.reflects || plan.sends_sky,
             sky: plan.sky_light,
@@ -249,6 +252,7 @@ impl NearRays {
                     reflects: u32::from(self.reflects),
                     first_sky_light: sky_lights.start,
                     sky_light_count: sky_lights.len() as u32,
+                    turn: view.turn,
                 });
                 cmd.dispatch(threads, self.slots.div_ceil(HITS_EACH), 1);
                 cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
@@ -269,6 +273,7 @@ impl NearRays {
             cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
             for (_, _, NearPixels { lights, halfway, size: [width, height], .. }) in views.clone() {
                 let (width, height) = (*width, *height);
+                let Some(halfway) = halfway else { continue };
                 let [from, to] = if i % 2 == 0 { [lights, halfway] } else { [halfway, lights] };
                 cmd.bind(spread, &[from.into(), Bind::SomeTexels(from), to.into()]);
                 cmd.push(&NearSpreadPush { width, height, step });
@@ -292,10 +297,11 @@ impl NearPixels {
         let every = rays.near.every(size);
         let size = size.map(|side| side.div_ceil(every));
         let count = u64::from(size[0]) * u64::from(size[1]);
+        let lights = |name| gpu.buffer(name, count * size_of::<NearLight>() as u64);
         Ok(Self {
             pixels: gpu.buffer("near.pixels", count * size_of::<NearPixel>() as u64)?,
-            lights: gpu.buffer("near.lights", count * size_of::<NearLight>() as u64)?,
-            halfway: gpu.buffer("near.halfway", count * size_of::<NearLight>() as u64)?,
+            lights: lights("near.lights")?,
+            halfway: rays.spread.is_some().then(|| lights("near.halfway")).transpose()?,
             size,
             every,
         })
